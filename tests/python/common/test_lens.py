@@ -43,8 +43,6 @@ def test_a_fisheye_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens
     expected = cv2.fisheye.distortPoints(points, np.eye(3), np.array(lens))[:, 0]
     np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
     np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
-    back = cv2.fisheye.undistortPoints(np.stack(drawn, axis=1)[:, None], np.eye(3), np.array(lens))[:, 0]
-    np.testing.assert_allclose(np.stack(undistort(*drawn, lens), axis=1), back, rtol=0, atol=1e-6)
     assert is_drawn(x, y, lens).all() and is_distorting(lens)
 
 
@@ -68,12 +66,8 @@ def test_a_lens_folds_where_its_radius_stops_growing_and_positions_go_on_outward
     within = x < fold - 2e-3
     np.testing.assert_allclose(drawn[within], x[within] * (1 - 0.3 * x[within] ** 2), rtol=1e-14)
     np.testing.assert_allclose(undistort(drawn, 0 * x, BARREL)[0][within], x[within], atol=1e-6)
-
-
-def test_a_denominator_that_reaches_0_ends_the_lens():
-    """1 / (1 - 0.5 r^2), whose radius grows up to the pole."""
-    x = np.array([0.0, 1.4, 1.5, 2.5])
-    lens = (0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)
+    # The radius of 1 / (1 - 0.5 r^2) grows up to the pole.
+    x, lens = np.array([0.0, 1.4, 1.5, 2.5]), (0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0)
     np.testing.assert_array_equal(is_drawn(x, 0 * x, lens), [True, True, False, False])
     assert np.all(np.isfinite(distort(x, 0 * x, lens)))
 

@@ -20,11 +20,11 @@ from activestereo.report.pictures import simulation_figure
 from PIL import Image
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path):
+def test_a_failed_write_leaves_the_old_file_and_threads_that_write_one_do_not_meet(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("old")
 
-    def fail(file):
+    def fail(file: BinaryIO) -> None:
         file.write(b"half")
         raise OSError("disk full")
 
@@ -32,14 +32,12 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         replace_file(path, fail)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
 
-
-def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
     def write_again(file: BinaryIO) -> None:
-        replace_file(tmp_path / "both", lambda inner: inner.write(b"inner"))
+        replace_file(path, lambda inner: inner.write(b"inner"))
         file.write(b"outer")
 
-    replace_file(tmp_path / "both", write_again)  # as a second thread would, in the middle of the first
-    assert (tmp_path / "both").read_bytes() == b"outer" and len(list(tmp_path.iterdir())) == 1
+    replace_file(path, write_again)  # as a second thread would, in the middle of the first
+    assert path.read_bytes() == b"outer" and list(tmp_path.iterdir()) == [path]
 
 
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
@@ -81,35 +79,36 @@ def test_ply_holds_the_points(tmp_path, colors):
         assert list(body[12:15]) == [255, 128, 0]
 
 
+class Clock:
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
 class Terminal(io.StringIO):
     def isatty(self):
         return True
 
 
-def test_progress_bar_tells_the_time_left():
-    now = [0.0]
-    stream = Terminal()
-    with ProgressBar("work", stream, clock=lambda: now[0]) as bar:
-        now[0] = 10.0
+def test_progress_bar_tells_the_time_left_and_is_sparing_where_there_is_no_terminal():
+    clock, stream = Clock(), Terminal()
+    with ProgressBar("work", stream, clock=clock) as bar:
+        clock.now = 10.0
         bar(0.25)
         assert "25 %" in stream.getvalue() and "30 s left" in stream.getvalue()
         before = stream.getvalue()
-        now[0] = 10.01
+        clock.now = 10.01
         bar(0.26)
         assert stream.getvalue() == before  # not redrawn that soon
-        now[0] = 40.0
+        clock.now = 40.0
     assert stream.getvalue().endswith("done in 40 s\n")
-
-
-def test_progress_bar_is_sparing_where_there_is_no_terminal():
-    now = [0.0]
-    stream = io.StringIO()
-    with ProgressBar("work", stream, clock=lambda: now[0]) as bar:
+    clock, stream = Clock(), io.StringIO()
+    with ProgressBar("work", stream, clock=clock) as bar:
         for step in range(100):
-            now[0] += 0.4
+            clock.now += 0.4
             bar(step / 100)
-    lines = stream.getvalue().splitlines()
-    assert 2 <= len(lines) <= 4 and "\r" not in stream.getvalue()
+    assert 2 <= len(stream.getvalue().splitlines()) <= 4 and "\r" not in stream.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -136,7 +135,7 @@ def test_accuracy_by_material():
     assert "good" in accuracy_table(list(rows.values()))
 
 
-def test_depth_from_nothing_is_told():
+def test_depth_from_nothing_and_a_material_never_measured_are_told():
     true = np.full((10, 20), 1.0)
     true[:, 10:] = 0.0
     measured = true.copy()
@@ -146,12 +145,8 @@ def test_depth_from_nothing_is_told():
     assert [row.name for row in rows] == ["box", "nothing there", "all"]
     assert [row.invented for row in rows] == pytest.approx([0.3, 0.2, 0.3])
     assert "20.0 %" in accuracy_table(rows).splitlines()[2]
-
-
-def test_a_material_never_measured_has_no_error():
     row = accuracy_by_material(np.zeros((10, 10)), np.ones((10, 10)), np.zeros((10, 10), int), lambda i: "dark")[0]
-    assert row.fill == 0.0 and np.isnan(row.median_error_m)
-    assert "dark" in accuracy_table([row])
+    assert row.fill == 0.0 and np.isnan(row.median_error_m) and "dark" in accuracy_table([row])
 
 
 def test_a_picture_of_nothing_says_so():
@@ -217,13 +212,6 @@ def test_a_command_prints_no_raw_name(name: str, tmp_path: Path, capfd: pytest.C
 USUAL_S = {"render": 10.0, "fit": 30.0, "write": 20.0}
 
 
-class Clock:
-    now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.mark.parametrize("slow", [{}, {"render": 0.1}, {"fit": 90.0}, {"write": 60.0}])
 def test_a_run_is_told_by_its_phases_shares(slow):
     clock, told = Clock(), []
@@ -237,15 +225,6 @@ def test_a_run_is_told_by_its_phases_shares(slow):
     assert phases.taken_s == pytest.approx(USUAL_S | slow)
     assert told == sorted(told) and told[-1] == pytest.approx(1.0)
     assert told[10] == pytest.approx(10 / 60) and told[21] == pytest.approx(40 / 60)
-
-
-def test_a_second_pass_of_a_phase_does_not_begin_it_again():
-    told = []
-    phases = Phases(told.append, USUAL_S)
-    phases.begin("render")
-    for fraction in (0.5, 1.0, 0.01, 0.5, 1.0):
-        phases(fraction)
-    assert told == sorted(told)
 
 
 def test_the_bar_names_the_phase_and_its_number():
@@ -264,3 +243,9 @@ def test_the_bar_names_the_phase_and_its_number():
         "work: fit 2/3, 42 %, 1 min 10 s left",
         "work: 100 %, done in 50 s",
     ]
+    told = []
+    phases = Phases(told.append, USUAL_S)
+    phases.begin("render")
+    for fraction in (0.5, 1.0, 0.01, 0.5, 1.0):  # a second pass does not begin it again
+        phases(fraction)
+    assert told == sorted(told)

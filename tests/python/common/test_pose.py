@@ -59,10 +59,12 @@ def test_look_at_puts_the_target_on_the_axis_and_up_upwards():
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("bad", [np.diag([2.0, 1, 1, 1]), np.diag([-1.0, 1, 1, 1])])
-def test_what_is_no_rotation_is_refused(bad):
-    with pytest.raises(ValueError, match="rigid"):
-        Pose(bad)
+@pytest.mark.parametrize(
+    "bad", [(np.diag([2.0, 1, 1, 1]),), (np.diag([-1.0, 1, 1, 1]),), ([0, 0, float("nan")],), ([0, 0, 0], [0, 0, 0, 0])]
+)
+def test_what_is_no_rigid_motion_is_refused(bad):
+    with pytest.raises(ValueError, match="rigid" if len(np.shape(bad[0])) > 1 else None):
+        Pose(*bad)
 
 
 def test_what_is_not_rigid_is_said_in_words():
@@ -87,10 +89,3 @@ def test_a_rotation_printed_with_few_digits_becomes_one():
         printed_motion(few, (1.0, 2.0), "poses.txt: line 3")
     with pytest.raises(ValueError, match="last row of the row-major 4x4 is 0, 0, 1, 1"):
         printed_motion(few, true[:3, 3], "poses.txt: line 3", (0, 0, 1, 1))
-
-
-def test_bad_numbers_are_refused():
-    with pytest.raises(ValueError):
-        Pose([0, 0, float("nan")])
-    with pytest.raises(ValueError):
-        Pose([0, 0, 0], [0, 0, 0, 0])

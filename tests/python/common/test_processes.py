@@ -9,11 +9,14 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from activestereo.common.computed_once import computed_once
+from activestereo.common.processes import done_in_pools, process_pool
 
 PARENT = """
 import os, sys, time
@@ -53,8 +56,6 @@ def test_no_worker_is_left_two_seconds_after_its_parent(tmp_path, method, end):
 
 
 def test_work_left_by_an_error_is_cancelled_and_its_processes_end():
-    from activestereo.common.processes import process_pool
-
     with pytest.raises(ZeroDivisionError), process_pool(1, os.getpid, method="fork") as pool:
         workers = {pool.submit(os.getpid).result()}
         raise ZeroDivisionError
@@ -75,10 +76,6 @@ def killed_until(place: tuple[str, int, int]) -> int:
 
 @pytest.mark.parametrize(("method", "kills"), [("fork", 1), ("spawn", 1), ("fork", 2)])
 def test_killed_processes_are_replaced_until_all_is_done(tmp_path, method, kills):
-    from functools import partial
-
-    from activestereo.common.processes import done_in_pools, process_pool
-
     items = [(str(tmp_path), item, kills if item == 3 else 0) for item in range(6)]
     pools = partial(process_pool, 2, os.getpid, method=method)
     found = {i: done.result() for i, done in done_in_pools(pools, killed_until, items)}
@@ -86,11 +83,6 @@ def test_killed_processes_are_replaced_until_all_is_done(tmp_path, method, kills
 
 
 def test_items_that_always_end_their_process_fail_after_three_pools(tmp_path):
-    from concurrent.futures.process import BrokenProcessPool
-    from functools import partial
-
-    from activestereo.common.processes import done_in_pools, process_pool
-
     items = [(str(tmp_path), 0, 99), (str(tmp_path), 1, 99)]
     left = dict(done_in_pools(partial(process_pool, 1, os.getpid, method="fork"), killed_until, items))
     assert sorted(left) == [0, 1] and all(isinstance(done.exception(), BrokenProcessPool) for done in left.values())
@@ -116,17 +108,14 @@ class Images:
         return self.made
 
 
-def test_threads_share_one_computation():
+def test_threads_share_one_computation_and_each_object_has_its_own():
     images = Images()
     with ThreadPoolExecutor(8) as pool:
         results = list(pool.map(lambda _: images.rendered(), range(32)))
-    assert images.made == 1
-    assert all(result is results[0] for result in results)
-
-
-def test_each_object_has_its_own_result():
-    first, second = Images(), Images()
-    assert first.rendered() is not second.rendered()
+    assert images.made == 1 and all(result is results[0] for result in results)
+    copy = pickle.loads(pickle.dumps({key: value for key, value in vars(images).items() if key != "begun"}))
+    assert copy["_rendered_computed"] == [1]
+    assert Images().rendered() is not results[0]
 
 
 def test_an_error_is_not_kept():
@@ -161,10 +150,3 @@ def test_objects_do_not_wait_for_one_another():
         one = pool.submit(Chained(Chained()).images)
         two = pool.submit(Chained().splines)
         assert (one.result(5), two.result(5)) == (2, 2)
-
-
-def test_an_object_with_results_can_be_pickled():
-    images = Images()
-    images.rendered()
-    copy = pickle.loads(pickle.dumps({key: value for key, value in vars(images).items() if key != "begun"}))
-    assert copy["_rendered_computed"] == [1]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from schema_check import violations
 
-import activestereo
 from activestereo.cli import main
 from activestereo.effects import builtin
 from activestereo.capture.capture import Camera
@@ -18,7 +17,6 @@ from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel, mode
 from activestereo.model.words import diff, show
 
 EFFECTS = builtin()
-SCHEMA = Path(activestereo.__file__).parent / "model" / "schema" / "model.schema.json"
 K = np.array([[430.0, 0, 211.5], [0, 430.0, 119.5], [0, 0, 1]])
 
 
@@ -66,12 +64,8 @@ def test_what_is_written_is_read(whole, tmp_path):
     assert model_json(again, "model.pattern.png") == model_json(whole, "model.pattern.png")
     assert again.effects[1].surfaces == ("cup",)
     np.testing.assert_array_equal(again.rig.right.distortion, whole.rig.right.distortion)
-    assert not violations(json.loads(path.read_text()), json.loads(SCHEMA.read_text()))
-
-
-def test_a_model_may_be_written_over_itself(whole, tmp_path):
-    path = written(whole, tmp_path)
-    write_model(path, read_model(path))
+    assert not violations(json.loads(path.read_text()), "model")
+    write_model(path, again)  # over itself
     assert read_model(path).pattern.file.is_file()
 
 
@@ -84,16 +78,10 @@ def test_each_part_says_whether_the_engines_simulate_it(whole):
 
 def test_version_1_loads(tmp_path):
     path = tmp_path / "old.json"
-    path.write_text(
-        json.dumps(
-            {
-                "format": "active-stereo-model",
-                "version": 1,
-                "effects": [{"id": "specular", "parameters": {"factor": 0.4, "surfaces": 5}}],
-                "nuisances": {"projector_scale": 7e4, "ambient_scale": 2e3, "black_dn": 4.0},
-            }
-        )
-    )
+    effects = [{"id": "specular", "parameters": {"factor": 0.4, "surfaces": 5}}]
+    nuisances = {"projector_scale": 7e4, "ambient_scale": 2e3, "black_dn": 4.0}
+    old = {"format": "active-stereo-model", "version": 1, "effects": effects, "nuisances": nuisances}
+    path.write_text(json.dumps(old))
     model = read_model(path)
     assert model.bound([]).effects[0][1] == {"factor": 0.4, "roughness": 0.5, "surfaces": 5.0}
     assert model.nuisances["black_dn"].value == 4.0
@@ -148,13 +136,8 @@ def test_show_and_diff_are_in_words(whole, tmp_path, capsys):
     write_model(other, whole.with_effect(EFFECTS["vignetting"], {"exponent": Quantity(2.0)}))
     assert main(["model", "show", str(path)]) == 0
     text = capsys.readouterr().out
-    for words in (
-        "baseline 50.000 mm",
-        "vignetting: exponent = 1.2 (1.1 to 1.3)",
-        "specular on cup",
-        "engine: optics.vignetting_exponent",
-    ):
-        assert words in text
+    told = ("baseline 50.000 mm", "vignetting: exponent = 1.2 (1.1 to 1.3)", "specular on cup")
+    assert all(words in text for words in (*told, "engine: optics.vignetting_exponent"))
     assert main(["model", "diff", str(path), str(other)]) == 0
     assert "+  vignetting: exponent = 2" in capsys.readouterr().out
     assert diff(whole, whole) == ""
@@ -179,18 +162,12 @@ def test_add_edits_the_file_and_keeps_all_else(whole, tmp_path, capsys):
 
 
 def test_add_takes_what_a_diagnosis_found(tmp_path):
-    found = {
-        "ranking": [
-            {
-                "effect": "specular",
-                "parameters": {
-                    "factor": {"value": 0.3, "low": 0.2, "high": 0.4, "unit": "1"},
-                    "roughness": {"value": 0.4, "low": None, "high": None, "unit": "1"},
-                    "surfaces": {"value": 2.0, "low": None, "high": None, "unit": "bits", "materials": ["cup"]},
-                },
-            }
-        ]
+    parameters = {
+        "factor": {"value": 0.3, "low": 0.2, "high": 0.4, "unit": "1"},
+        "roughness": {"value": 0.4, "low": None, "high": None, "unit": "1"},
+        "surfaces": {"value": 2.0, "low": None, "high": None, "unit": "bits", "materials": ["cup"]},
     }
+    found = {"ranking": [{"effect": "specular", "parameters": parameters}]}
     (tmp_path / "diagnose.json").write_text(json.dumps(found))
     out = tmp_path / "model.json"
     assert main(["add", "specular", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0
