@@ -19,13 +19,13 @@ how much of the difference that makes is unknown.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from bench_pairs import plane_residual
+from bench_pairs import host_matcher, planar_patches, plane_residual
 from numpy.typing import NDArray
 
 import simsense
@@ -36,7 +36,7 @@ from activestereo.cli.depth import PROFILES
 Map = NDArray[np.float32]
 FOCAL_BASELINE_PX_MM = 49470.45
 MAX_DISPARITY = 128
-PATCH, PLANE_RMS_PX = 48, 0.05
+PATCH = 48
 STEP_PX, EDGE_PX = 3.0, 12
 DARK_DN, AROUND_PX = 12.0, 15
 # Scenes in order of their first view; some were seen from several places.
@@ -93,15 +93,6 @@ def _visible(truth: Map) -> NDArray[np.bool_]:
     return out
 
 
-def _planes(truth: Map) -> Iterator[tuple[slice, slice]]:
-    height, width = truth.shape
-    for y in range(0, height - PATCH + 1, PATCH):
-        for x in range(0, width - PATCH + 1, PATCH):
-            patch = slice(y, y + PATCH), slice(x, x + PATCH)
-            if np.isfinite(truth[patch]).mean() > 0.95 and plane_residual(truth[patch]) < PLANE_RMS_PX:
-                yield patch
-
-
 def _fattening(truth: Map, found: Map) -> NDArray[np.float64]:
     """Run of foreground at each edge of the truth, px, on both sides of objects."""
     runs = []
@@ -126,7 +117,7 @@ def figures(views: list[View], found: list[Map]) -> list[float]:
     visible = sum(int(view.is_visible.sum()) for view in views)
     errors = [abs(d - v.truth)[v.is_visible & np.isfinite(d)] for v, d in zip(views, found, strict=True)]
     error = np.concatenate(errors)
-    planes = [plane_residual(d[p]) for v, d in zip(views, found, strict=True) for p in _planes(v.truth)]
+    planes = [plane_residual(d[p]) for v, d in zip(views, found, strict=True) for p in planar_patches(v.truth, PATCH)]
     runs = np.concatenate([_fattening(v.truth, d) for v, d in zip(views, found, strict=True)])
     holes = [(np.isnan(d), np.isnan(v.device)) for v, d in zip(views, found, strict=True)]
     common, either = (sum(int(op(a, b).sum()) for a, b in holes) for op in (np.logical_and, np.logical_or))
@@ -148,16 +139,10 @@ def figures(views: list[View], found: list[Map]) -> list[float]:
 
 def matcher(parameters: dict[str, object]) -> Callable[[View], Map]:
     """A matcher of simsense's engine for images of 1280x720."""
-    camera, left_to_right = simsense.Camera(1280, 720, [[903.5, 0, 631.9], [0, 903.5, 369.3], [0, 0, 1]]), np.eye(4)
-    left_to_right[0, 3] = -1e-3 * FOCAL_BASELINE_PX_MM / 903.5
+    camera = simsense.Camera(1280, 720, [[903.5, 0, 631.9], [0, 903.5, 369.3], [0, 0, 1]])
     settings = parameters | {"max_disparity": MAX_DISPARITY, "max_depth_m": 100.0}
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
-
-    def match(view: View) -> Map:
-        disparity = engine.compute(view.left, view.right, ("disparity",))["disparity"]
-        return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
-
-    return match
+    match = host_matcher(camera, 1e-3 * FOCAL_BASELINE_PX_MM / 903.5, **settings)
+    return lambda view: match(view.left, view.right)
 
 
 def main() -> None:

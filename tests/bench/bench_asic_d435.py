@@ -19,7 +19,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from bench_pairs import plane_residual
+from bench_pairs import host_matcher, plane_residual, tiles
 from numpy.typing import NDArray
 
 import simsense
@@ -45,12 +45,8 @@ class Recorded:
 
     def matched(self, parameters: dict[str, object]) -> Map:
         """Disparities at every second pixel, NaN = none."""
-        camera, left_to_right = simsense.Camera(848, 480, K), np.eye(4)
-        left_to_right[0, 3] = -BASELINE_M
         settings = parameters | {"max_disparity": MAX_DISPARITY, "max_depth_m": 100.0}
-        engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
-        found = engine.compute(self.left, self.right, ("disparity",))["disparity"][::2, ::2]
-        return np.where(found >= 0, found, np.nan).astype(np.float32)
+        return host_matcher(simsense.Camera(848, 480, K), BASELINE_M, **settings)(self.left, self.right)[::2, ::2]
 
     def figures(self, found: Map) -> list[float]:
         """fill and far in percent, difference and plane in pixels, IoU."""
@@ -61,12 +57,7 @@ class Recorded:
             line = np.polyfit(device[kept], ours[kept], 1)
             error = abs(ours - np.polyval(line, device))
             kept = error < 1.0
-        places = [
-            np.s_[y : y + PATCH, x : x + PATCH]
-            for y in range(0, found.shape[0] - PATCH + 1, PATCH)
-            for x in range(0, found.shape[1] - PATCH + 1, PATCH)
-        ]
-        flat = [place for place in places if plane_residual(self.device[place]) < PLANE_PX]
+        flat = [place for place in tiles(found.shape, PATCH) if plane_residual(self.device[place]) < PLANE_PX]
         holes, device_holes = np.isnan(found), np.isnan(self.device)
         return [
             100 * float(np.isfinite(found).mean()),

@@ -26,7 +26,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from bench_pairs import PATCH, plane_residual
+from bench_pairs import PATCH, plane_residual, tiles
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, shift
 
@@ -79,6 +79,20 @@ def wall(distance_m: float, texture: float, radiance: float = ROOM_RADIANCE_OF_W
     scene.add_instance(mesh, [scene.add_material(material)])
     scene.set_environment((radiance,) * 3)
     return scene
+
+
+def before_table_top(config: StereoDepthSensorConfig) -> StereoDepthSensor:
+    """A sensor that has pictured and measured the example's table-top, as 'activestereo simulate' has it."""
+    scene = kuafu.Scene(kuafu.Device())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table_top.gltf"
+        write_table_top(path)
+        scene.load(path)
+    scene.set_environment((ROOM_RADIANCE, ROOM_RADIANCE, ROOM_RADIANCE))
+    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
+    sensor.take_picture(infrared_only=True)
+    sensor.compute_depth()
+    return sensor
 
 
 def paint(texture: float) -> NDArray[np.float32]:
@@ -139,15 +153,12 @@ class Camera:
         sensor = StereoDepthSensor(self.config, wall(distance_m, 0.0, radiance))
         sensor.take_picture(infrared_only=True)
         light = np.array(sensor.get_picture("radiance", "left")[..., 0])
-        rows, columns = (range(0, size - PATCH + 1, PATCH) for size in light.shape)
-        return [light[y : y + PATCH, x : x + PATCH] for y in rows for x in columns]
+        return [light[patch] for patch in tiles(light.shape, PATCH)]
 
     def _plane(self, disparity: NDArray[np.float32], distance_m: float) -> float:
         border = int(self.config.focal_baseline_px_m / distance_m) + 8
         inside = np.where(disparity > 0, disparity, np.nan)[8:-8, border:-8]
-        height, width = inside.shape
-        corners = [(y, x) for y in range(0, height - PATCH + 1, PATCH) for x in range(0, width - PATCH + 1, PATCH)]
-        values = [plane_residual(inside[y : y + PATCH, x : x + PATCH]) for y, x in corners]
+        values = [plane_residual(inside[patch]) for patch in tiles(inside.shape, PATCH)]
         return float(np.nanmedian(values)) if np.isfinite(values).any() else np.nan
 
     def _dots(self, left: NDArray[np.float64], right: NDArray[np.float64], distance_m: float) -> None:
@@ -195,17 +206,9 @@ class Camera:
         self.rows["temporal noise"] = float(np.sqrt((deviation[seen] ** 2).mean())) if seen.any() else np.nan
 
     def table(self) -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "table_top.gltf"
-            write_table_top(path)
-            scene = kuafu.Scene(kuafu.Device())
-            scene.load(path)
-        scene.set_environment((ROOM_RADIANCE, ROOM_RADIANCE, ROOM_RADIANCE))
         config = StereoDepthSensorConfig(self.config.model)
         config.samples_per_pixel = self.config.samples_per_pixel
-        sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
-        sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
+        sensor = before_table_top(config)
         self.rows["background"] = float(np.median(sensor.get_ir_measured()[0]))
 
 

@@ -16,21 +16,17 @@ from __future__ import annotations
 
 import argparse
 import os
-import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
+from bench_camera import before_table_top
 from bench_pairs import plane_residual
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-import kuafu
-from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.common.pose import body_pose
-from activestereo.scene_io.example_scene import write_table_top
-from activestereo.scene_io.staging import ROOM_RADIANCE
+from activestereo import StereoDepthSensorConfig
 
 DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
 BLUR_PX = 8.0
@@ -52,18 +48,10 @@ def dots_share(image: NDArray[np.float64], part: tuple[slice, slice], distance_m
 
 
 def simulated() -> tuple[NDArray[np.float64], NDArray[np.float32], float]:
-    """(left image, disparity, focal length times baseline) of the table-top, as 'activestereo simulate' has it."""
-    scene = kuafu.Scene(kuafu.Device())
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "table_top.gltf"
-        write_table_top(path)
-        scene.load(path)
-    scene.set_environment((ROOM_RADIANCE, ROOM_RADIANCE, ROOM_RADIANCE))
-    sensor = StereoDepthSensor(StereoDepthSensorConfig("D435"), scene, pose=body_pose(scene.camera(0).camera_to_world))
-    sensor.take_picture(infrared_only=True)
-    sensor.compute_depth()
-    disparity = sensor.get_disparity()
-    return sensor.get_ir_measured()[0].astype(float), disparity, sensor.get_config().focal_baseline_px_m
+    """(left image, disparity, focal length times baseline) of the table-top."""
+    sensor = before_table_top(StereoDepthSensorConfig("D435"))
+    focal_baseline_px_m = sensor.get_config().focal_baseline_px_m
+    return sensor.get_ir_measured()[0].astype(float), sensor.get_disparity(), focal_baseline_px_m
 
 
 def wall_figures(image: NDArray[np.float64], disparity: NDArray[np.float32], px_m: float) -> tuple[float, float]:

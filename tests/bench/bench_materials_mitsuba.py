@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bench_pairs import host_matcher
 from material_worlds import (
     BASELINE_M, BLACK_DN, COLOR, DN, NOMINAL, READ_DN, SHOT_DN, camera_pose, counts, intrinsics, mesh_of, place_of,
     record, seen_of,
@@ -107,12 +108,9 @@ class Rendered:
 def fill(left: Image, right: Image, where: NDArray[np.bool_], rng: np.random.Generator) -> float:
     """Share of the object's pixels with a measurement, percent; left, right: light."""
     width, height, K = intrinsics()
-    camera = simsense.Camera(width, height, K.tolist())
-    shift = np.eye(4)
-    shift[0, 3] = -BASELINE_M
-    engine = simsense.Engine(simsense.Device("host"), camera, camera, shift, rectified=True, max_disparity=32)
+    match = host_matcher(simsense.Camera(width, height, K.tolist()), BASELINE_M, max_disparity=32)
     pair = (np.clip(np.rint(counts(image, rng)), 0, 255).astype(np.uint8) for image in (left, right))
-    return 100.0 * float((engine.compute(*pair, ("disparity",))["disparity"][where] >= 0).mean())
+    return 100.0 * float(np.isfinite(match(*pair)[where]).mean())
 
 
 def measured(name: str, spp: int, unseen_spp: int, bounces: int) -> str:

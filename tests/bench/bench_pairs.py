@@ -89,25 +89,32 @@ class Pair:
         return cls(folder.name, left, right, truth, settings.get("max_disparity", 128))
 
 
+def host_matcher(camera: simsense.Camera, baseline_m: float, **settings: object) -> Callable[..., NDArray[np.float32]]:
+    """A function of a rectified pair of simsense's engine on the processor: disparities, NaN = no measurement."""
+    left_to_right = np.eye(4)
+    left_to_right[0, 3] = -baseline_m
+    engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
+
+    def match(left: Image, right: Image) -> NDArray[np.float32]:
+        disparity = engine.compute(left, right, ("disparity",))["disparity"]
+        return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
+
+    return match
+
+
 def ours(**settings: object) -> Matcher:
-    """A matcher of simsense's engine, made once per size of image; NaN = no measurement."""
-    device = simsense.Device("host")
+    """A matcher of simsense's engine, made once per size of image."""
 
     @cache
-    def engine(width: int, height: int, max_disparity: int, wide: bool) -> simsense.Engine:
+    def matcher(width: int, height: int, max_disparity: int, wide: bool) -> Callable[..., NDArray[np.float32]]:
         camera = simsense.Camera(width, height, [[width, 0, width / 2], [0, width, height / 2], [0, 0, 1]])
-        pose = np.eye(4)
-        pose[0, 3] = -0.05
         signal = {"bit_depth": 16} if wide else {}
-        changes = signal | settings
-        return simsense.Engine(device, camera, camera, pose, rectified=True, max_disparity=max_disparity, **changes)
+        return host_matcher(camera, 0.05, max_disparity=max_disparity, **(signal | settings))
 
     def match(left: Image, right: Image, max_disparity: int) -> NDArray[np.float32]:
         if left.dtype == np.uint16 and "p2_full_gradient_dn" in settings:
             raise SystemExit("the profile passive is told in counts of 8 bit: write such pictures")
-        matcher = engine(left.shape[1], left.shape[0], max_disparity, left.dtype == np.uint16)
-        disparity = matcher.compute(left, right, ("disparity",))["disparity"]
-        return np.where(disparity >= 0, disparity, np.nan).astype(np.float32)
+        return matcher(left.shape[1], left.shape[0], max_disparity, left.dtype == np.uint16)(left, right)
 
     return match
 
@@ -166,14 +173,14 @@ def plane_residual(disparity: NDArray[np.float32]) -> float:
     return float(np.sqrt(np.mean(residual[kept] ** 2)))
 
 
-def planar_patches(truth: NDArray[np.float32]) -> list[tuple[slice, slice]]:
-    height, width = truth.shape
-    patches = [
-        (slice(y, y + PATCH), slice(x, x + PATCH))
-        for y in range(0, height - PATCH + 1, PATCH)
-        for x in range(0, width - PATCH + 1, PATCH)
-    ]
-    known = (p for p in patches if np.isfinite(truth[p]).mean() > 0.95)
+def tiles(shape: tuple[int, ...], side: int) -> list[tuple[slice, slice]]:
+    """All whole squares of an image, row by row."""
+    rows, columns = (range(0, size - side + 1, side) for size in shape)
+    return [(slice(y, y + side), slice(x, x + side)) for y in rows for x in columns]
+
+
+def planar_patches(truth: NDArray[np.float32], side: int = PATCH) -> list[tuple[slice, slice]]:
+    known = (p for p in tiles(truth.shape, side) if np.isfinite(truth[p]).mean() > 0.95)
     return [p for p in known if plane_residual(truth[p]) < PLANE_RMS_PX]
 
 
