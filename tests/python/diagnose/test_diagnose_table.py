@@ -81,14 +81,8 @@ def table(tmp_path_factory):
     world = make_world(folder, size=(120, 68))
     capture = read_capture(world.capture_path)
     poses = [capture.frames[i].camera_to_world for i in (0, 2, 4)]
-    base = replace(
-        capture.frames[0],
-        depth_scale=0.001,
-        split="train",
-        repeat_group=None,
-        camera_velocity=np.zeros(6),
-        temperature_c=25.0,
-    )
+    base = replace(capture.frames[0], depth_scale=0.001, split="train", repeat_group=None, temperature_c=25.0)
+    base = replace(base, camera_velocity=np.zeros(6))
     plan = [
         {"repeat_group": 0}, {"repeat_group": 0}, {"camera_to_world": poses[1], "repeat_group": 1},
         {"camera_to_world": poses[1], "repeat_group": 1},
@@ -121,21 +115,15 @@ def captured(table, folder, model):
             rng = np.random.default_rng([frame.id, side == "left"])
             light = model.light(layers[frame.id][side], views[side], random=True)
             clean = model.signal(light, views[side], SCALES, random=True)
-            images[frame.id, side] = np.clip(np.rint(clean + 0.8 * rng.standard_normal(clean.shape)), 0, 255).astype(
-                np.uint8
-            )
+            dn = np.clip(np.rint(clean + 0.8 * rng.standard_normal(clean.shape)), 0, 255)
             if (q := next((v["step_dn"] for e, v in model.effects if e.id == "quantisation"), 0)) > 0:
-                images[frame.id, side] = np.clip(q * np.rint(images[frame.id, side] / q), 0, 255).astype(np.uint8)
+                dn = np.clip(q * np.rint(dn / q), 0, 255)
+            images[frame.id, side] = dn.astype(np.uint8)
         if frame.projector_power > 0:
             z = model.depth(engine.depth(*(images[frame.id, side] for side in SIDES)), views["left"], stream)
             depths[frame.id] = np.rint(z / frame.depth_scale).clip(0, 65535).astype(np.uint16)
-    write_capture(
-        folder / "capture",
-        capture,
-        images,
-        np.rint(255 * capture.rig.projector.pattern()).astype(np.uint8),
-        depths=depths,
-    )
+    pattern = np.rint(255 * capture.rig.projector.pattern()).astype(np.uint8)
+    write_capture(folder / "capture", capture, images, pattern, depths=depths)
     return read_capture(folder / "capture")
 
 

@@ -22,6 +22,12 @@ SHAPE = (96, 160)
 NOISE_DN = 2.0
 
 
+def observed(shape, noise_dn, **fields):
+    """As much of an Observation as fields and structure look at."""
+    view = SimpleNamespace(once=lambda *_: np.zeros(shape, bool), max_dn=255)
+    return SimpleNamespace(side="left", weight=np.full(shape, noise_dn**-2), view=view, **fields)
+
+
 def rows_with(pattern_dn, hot_dn):
     """Residuals of four poses of one camera."""
     rng = np.random.default_rng(5)
@@ -29,18 +35,9 @@ def rows_with(pattern_dn, hot_dn):
     hot = hot_dn * rng.standard_exponential(FIELD_SHAPE) * (rng.random(FIELD_SHAPE) < HOT_SHARE)
     rows = []
     for pose, exposure_s in enumerate(EXPOSURES_S):
-        pose_of = np.eye(4) + pose
-        frame = SimpleNamespace(
-            id=pose, exposure_gain=exposure_s, projector_power=1.0, camera_to_world=pose_of, is_moving=False
-        )
-        o = SimpleNamespace(
-            key=(pose, "left"),
-            side="left",
-            frame=frame,
-            measured=np.zeros(FIELD_SHAPE),
-            weight=np.full(FIELD_SHAPE, FIELD_NOISE_DN**-2),
-            view=SimpleNamespace(once=lambda *_: np.zeros(FIELD_SHAPE, bool), max_dn=255),
-        )
+        still = {"projector_power": 1.0, "camera_to_world": np.eye(4) + pose, "is_moving": False}
+        frame = SimpleNamespace(id=pose, exposure_gain=exposure_s, **still)
+        o = observed(FIELD_SHAPE, FIELD_NOISE_DN, key=(pose, "left"), frame=frame, measured=np.zeros(FIELD_SHAPE))
         residual = pattern + hot * exposure_s / EXPOSURES_S[0] + FIELD_NOISE_DN * rng.standard_normal(FIELD_SHAPE)
         rows.append(ImageResidual(o, np.full(FIELD_SHAPE, 60.0), np.full(FIELD_SHAPE, 40.0), residual))
     return tuple(rows)
@@ -143,14 +140,8 @@ def dots(rng):
     return 20.0 + image + np.linspace(0, 10, SHAPE[1])
 
 
-def row(image, residual, **frame):
-    o = SimpleNamespace(
-        side="left",
-        frame=SimpleNamespace(**frame),
-        weight=np.full(SHAPE, NOISE_DN**-2),
-        pixels=image.size,
-        view=SimpleNamespace(once=lambda *_: np.zeros(SHAPE, bool), max_dn=255),
-    )
+def row(image, residual):
+    o = observed(SHAPE, NOISE_DN, frame=SimpleNamespace(), pixels=image.size)
     return ImageResidual(o, image, image - 20.0, residual)
 
 

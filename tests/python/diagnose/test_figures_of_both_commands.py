@@ -28,7 +28,8 @@ from activestereo.report.screen import Step
 from activestereo.report.write import write_diagnosis, write_diagnosis_report
 
 FEW = {name: builtin()[name] for name in ("vignetting", "response_gamma", "gain_mismatch")}
-SAMPLING = 16, 1, 3  # per pixel, bounces, seed
+SETTINGS = {"samples_per_pixel": 16, "max_bounces": 1, "seed": 3}
+SAMPLING = tuple(SETTINGS.values())
 NOISE_DN = 3.0
 
 
@@ -39,15 +40,10 @@ def recorded(folder: Path, hidden: Model) -> Path:
     frames = *(replace(first, id=n, repeat_group=0) for n in (0, 1)), replace(second, id=2, split="test")
     nominal = replace(nominal, frames=frames)
     light = CaptureRenderer("auto", *SAMPLING)
-    scene_measurement = SceneMeasurement((0.002, 0.002), {1: 1.1})
-    images, rng = (
-        light.expected(nominal, hidden, Nuisances(120000.0, 9000.0, 5.0), scene_measurement=scene_measurement),
-        np.random.default_rng(1),
-    )
-    noisy = {
-        key: np.clip(np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)), 0, 255).astype(np.uint8)
-        for key, dn in images.items()
-    }
+    scales, measured = Nuisances(120000.0, 9000.0, 5.0), SceneMeasurement((0.002, 0.002), {1: 1.1})
+    images, rng = light.expected(nominal, hidden, scales, scene_measurement=measured), np.random.default_rng(1)
+    noisy = {key: np.rint(dn + NOISE_DN * rng.standard_normal(dn.shape)) for key, dn in images.items()}
+    noisy = {key: np.clip(dn, 0, 255).astype(np.uint8) for key, dn in noisy.items()}
     write_capture(folder / "capture", nominal, noisy, read_gray(nominal.rig.projector.pattern_path))
     return folder / "capture"
 
@@ -73,17 +69,8 @@ def test_diagnose_and_compare_tell_the_same_figures(tmp_path, starts_from):
         start = tmp_path / "start.json"
         model = Model().with_effect(FEW["gain_mismatch"], gain=0.02)
         write_model(start, diagnosed_model(read_capture(capture), model, {"focal_left": 0.001, "focal_right": 0.0}))
-    samples, bounces, seed = SAMPLING
-    diagnosis = diagnose(
-        capture,
-        None if start is None else read_model(start),
-        FEW,
-        samples_per_pixel=samples,
-        max_bounces=bounces,
-        seed=seed,
-        workers=1,
-        engines=engines_of("auto", samples, bounces, seed),
-    )
+    model = None if start is None else read_model(start)
+    diagnosis = diagnose(capture, model, FEW, workers=1, engines=engines_of("auto", *SAMPLING), **SETTINGS)
     write_diagnosis(diagnosis, tmp_path / "diagnosis")
     said = json.loads((tmp_path / "diagnosis" / "diagnose.json").read_text())
     assert said["added"] == ["vignetting", "gain_mismatch"][: 1 + (starts_from == "nothing, of two")]
@@ -109,8 +96,7 @@ def test_a_diagnosis_is_kept_whole_but_with_an_effect_of_a_users_own(tmp_path, m
 
     def told(effects):
         engines = lambda seen: CaptureRenderer("auto", *SAMPLING)  # noqa: E731
-        settings = dict(zip(("samples_per_pixel", "max_bounces", "seed"), SAMPLING, strict=True))
-        return diagnose(capture, None, effects, cache=cache, engines=engines, says=said.append, **settings)
+        return diagnose(capture, None, effects, cache=cache, engines=engines, says=said.append, **SETTINGS)
 
     first = told(FEW)
     monkeypatch.setattr("activestereo.diagnose.diagnosis.examine", lambda *given: pytest.fail("searched again"))

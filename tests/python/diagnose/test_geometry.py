@@ -122,11 +122,25 @@ def displacement_px(twist):
 
 
 @pytest.fixture(scope="module")
-def found(lab_world, lab_cache):
+def capture(lab_world):
+    return read_capture(lab_world.capture_path)
+
+
+def remembering(world, cache):
+    """A function that renders captures. A RememberingRenderer knows views by their poses, and no projector's."""
+    return partial(render_frames, renderer=RememberingRenderer(WorldRenderer(world, grid=3)), cache=cache)
+
+
+@pytest.fixture
+def render(lab_world, lab_cache):
+    return remembering(lab_world, lab_cache)
+
+
+@pytest.fixture(scope="module")
+def found(capture, lab_world, lab_cache):
     """The Evidence of a capture that is stated wrong, from where it stands."""
-    renderer = RememberingRenderer(WorldRenderer(lab_world, grid=3))
-    render = partial(render_frames, renderer=renderer, cache=lab_cache)
-    return gather_where_it_stands(stated_wrong(read_capture(lab_world.capture_path)), render, Model(), memory=lab_cache)
+    render = remembering(lab_world, lab_cache)
+    return gather_where_it_stands(stated_wrong(capture), render, Model(), memory=lab_cache)
 
 
 def test_what_stands_elsewhere_is_found_and_told(found):
@@ -142,14 +156,14 @@ def test_what_stands_elsewhere_is_found_and_told(found):
     )
 
 
-def test_where_it_stands_is_not_searched_again(found, lab_world, lab_cache):
+def test_where_it_stands_is_not_searched_again(capture, found, lab_world, lab_cache):
     captures = []
 
     def render(capture):
         captures.append(capture)
         return render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache)
 
-    capture = stated_wrong(read_capture(lab_world.capture_path))
+    capture = stated_wrong(capture)
     again = gather_where_it_stands(capture, render, Model(), memory=lab_cache)
     assert (again.geometry.twists() == found.geometry.twists()).all()
     assert (again.geometry.deviations == found.geometry.deviations).all()
@@ -170,25 +184,20 @@ def test_a_search_goes_on_where_one_more_material_is_seen(found):
     assert outcome.evidence.materials == found.materials + 1
 
 
-def test_a_capture_that_stands_as_stated_is_left_as_it_is(lab_world, lab_cache):
-    capture = read_capture(lab_world.capture_path)
-    render = partial(render_frames, renderer=RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
+def test_a_capture_that_stands_as_stated_is_left_as_it_is(capture, render):
     evidence = gather_where_it_stands(capture, render, Model())
     assert evidence.capture is capture and geometry_json(evidence.geometry) == []
 
 
-def test_a_search_that_went_astray_begins_again_where_the_capture_is_stated(lab_world, lab_cache):
+def test_a_search_that_went_astray_begins_again_where_the_capture_is_stated(capture, render):
     """As one does that took an effect for geometry, before the effect was named."""
-    capture = read_capture(lab_world.capture_path)
-    render = partial(render_frames, renderer=RememberingRenderer(WorldRenderer(lab_world, grid=3)), cache=lab_cache)
     stated = Geometry.as_stated(capture)
     astray = stated.moved(stated.focal, np.append(5.0 * PROJECTOR, stated.poses))
     near = gather(astray.capture(), render(astray.capture()), geometry=astray)
     assert gather_where_it_stands(capture, render, Model(), near=near).geometry.is_as_stated()
 
 
-def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(lab_world, lab_cache):
-    capture = read_capture(lab_world.capture_path)
+def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(capture, lab_world, lab_cache):
     first = capture.frames[0].camera_to_world
     held = [replace(f, split="test" if (f.camera_to_world == first).all() else "train") for f in capture.frames]
     wrong = first @ np.linalg.inv(motion_of_twist(POSE))
@@ -227,16 +236,15 @@ def hiding(capture, hidden, lab_world, lab_cache):
     return replace(evidence, train=bent(evidence.train), test=bent(evidence.test))
 
 
-def test_a_lens_that_distorts_moves_nothing(lab_world, lab_cache):
+def test_a_lens_that_distorts_moves_nothing(capture, lab_world, lab_cache):
     """Beside it, focal lengths and poses would take what they can of it."""
     hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
-    evidence = hiding(read_capture(lab_world.capture_path), hidden, lab_world, lab_cache)
+    evidence = hiding(capture, hidden, lab_world, lab_cache)
     assert _searched(evidence, render_never, Model(), (3.0,)).geometry.is_as_stated()
 
 
-def test_what_only_motion_shows_is_no_move_of_its_view(lab_world, lab_cache):
+def test_what_only_motion_shows_is_no_move_of_its_view(capture, lab_world, lab_cache):
     """A shutter that the model has stays as it is where a view is searched, though no frame at rest shows it."""
-    capture = read_capture(lab_world.capture_path)
     last = capture.frames[-1].camera_to_world
     velocity = np.array([0.4, 0.0, 0.0, 0.0, 0.8, 0.0])
     moving = [replace(f, camera_velocity=velocity) if (f.camera_to_world == last).all() else f for f in capture.frames]
@@ -248,8 +256,7 @@ def test_what_only_motion_shows_is_no_move_of_its_view(lab_world, lab_cache):
     assert beside < 0.5 * without
 
 
-def test_a_coarse_observation_is_what_a_blurred_camera_sees(lab_world, lab_cache):
-    capture = read_capture(lab_world.capture_path)
+def test_a_coarse_observation_is_what_a_blurred_camera_sees(capture, lab_world, lab_cache):
     evidence = gather(capture, render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache))
     o, dim = evidence.train[0], Nuisances(1e3, 30.0, 4.0)  # nothing is clipped
     known = np.ones(o.measured.shape, bool)
@@ -262,8 +269,8 @@ def test_a_coarse_observation_is_what_a_blurred_camera_sees(lab_world, lab_cache
         assert where is None or where.ravel()[far.pick].all()
 
 
-def test_views_are_believed_as_far_as_those_at_rest_were_right(lab_world):
-    geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
+def test_views_are_believed_as_far_as_those_at_rest_were_right(capture):
+    geometry = Geometry.as_stated(capture)
     assert geometry.beyond_stated().tolist() == [1.0, 1.0]
     known = geometry.stated.uncertainty
     sigma = np.repeat([3.0 * known.pose_m, 0.5 * known.pose_rad], 3)
@@ -279,8 +286,8 @@ def test_a_misfit_weighs_up_what_is_stated(found):
     assert evidence.geometry.misfit == 1.0  # a survey's errors are believed
 
 
-def test_corrections_add_up_as_motions_do(lab_world):
-    geometry = Geometry.as_stated(read_capture(lab_world.capture_path))
+def test_corrections_add_up_as_motions_do(capture):
+    geometry = Geometry.as_stated(capture)
     poses, focal = len(geometry.poses), np.array([0.01, -0.02])
     step = np.concatenate([PROJECTOR, *[POSE] * poses])
     there = geometry.moved(focal, step)
@@ -289,8 +296,7 @@ def test_corrections_add_up_as_motions_do(lab_world):
     assert moved == pytest.approx(geometry.stated.frames[0].camera_to_world @ motion_of_twist(POSE))
 
 
-def test_a_model_puts_the_views_that_it_was_found_on_where_they_stand(lab_world, tmp_path):
-    capture = read_capture(lab_world.capture_path)
+def test_a_model_puts_the_views_that_it_was_found_on_where_they_stand(capture, tmp_path):
     stated = capture.frames[0].camera_to_world
     write_model(tmp_path / "model.json", SensorModel(poses=(MeasuredPose(stated, stated @ motion_of_twist(POSE)),)))
     there = calibrated(capture, read_model(tmp_path / "model.json"))
@@ -321,9 +327,8 @@ def test_an_uncertainty_is_a_positive_number(lab_world, tmp_path):
         read_capture(folder)
 
 
-def test_a_stated_place_that_is_impossible_for_what_is_seen_is_told(lab_world):
+def test_a_stated_place_that_is_impossible_for_what_is_seen_is_told(capture):
     """20 mm off where the file says 0.1 mm; with 20 mm stated, nothing is impossible."""
-    capture = read_capture(lab_world.capture_path)
     for stated_m, impossible in ((1e-4, True), (0.02, False)):
         geometry = Geometry.as_stated(replace(capture, uncertainty=Uncertainty(projector_m=stated_m)))
         geometry = replace(geometry, projector=np.array([0.02, 0, 0, 0, 0, 0]), deviations=geometry.deviations + 1e-4)
@@ -365,8 +370,7 @@ def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
 
 
 @pytest.fixture(scope="module")
-def evidence(lab_world, lab_cache):
-    capture = read_capture(lab_world.capture_path)
+def evidence(capture, lab_world, lab_cache):
     return gather(capture, render_frames(capture, WorldRenderer(lab_world, grid=3), cache=lab_cache))
 
 
@@ -385,20 +389,29 @@ def reflecting(evidence, factors):
     return evidence, fitter, fitter.refine(space, space.start, fitter.phi0(LIGHT), 8)
 
 
-def test_a_wrong_albedo_is_told_by_name_and_number(evidence):
-    told = albedo_json(*reflecting(evidence, {0: 0.6}))
-    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[0]]
+@pytest.fixture(scope="module")
+def dimmer(evidence):
+    return reflecting(evidence, {0: 0.6})
+
+
+def told_of(evidence, fitter, solution, which, factor, within):
+    """Entries told of albedos, which are wrong in one material, by a factor."""
+    told = albedo_json(evidence, fitter, solution)
+    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[which]]
     assert [entry["material"] for entry in told] == [surface.name]
-    assert told[0]["factor"] == pytest.approx(0.6, abs=0.03)
+    assert told[0]["factor"] == pytest.approx(factor, abs=within)
+    return told
+
+
+def test_a_wrong_albedo_is_told_by_name_and_number(dimmer):
+    told = told_of(*dimmer, 0, 0.6, 0.03)
     assert geometry_words({"albedos": told}) == [f"{told[0]['text'][0].upper()}{told[0]['text'][1:]}."]
     assert "the scene says" in told[0]["text"]
 
 
-def test_the_largest_material_is_told_where_all_others_seem_wrong_alike(evidence):
-    told = albedo_json(*reflecting(evidence, {-1: 1.5}))
-    surface = scene_surfaces(evidence.capture.scene_path)[albedo_surfaces(evidence)[-1]]
-    assert [entry["material"] for entry in told] == [surface.name]
-    assert told[0]["factor"] == pytest.approx(1.5, abs=0.1)
+def test_the_largest_material_is_told_where_all_others_seem_wrong_alike_and_none_that_is_as_stated(evidence):
+    told_of(*reflecting(evidence, {-1: 1.5}), -1, 1.5, 0.1)
+    assert albedo_json(*reflecting(evidence, {0: 1.05})) == []
 
 
 @pytest.mark.parametrize("factors, farthest, second", [({0: 0.7}, 10.0, 0.0), ({0: 0.7, 1: 0.7}, 10.0, 10.0)])
@@ -408,20 +421,16 @@ def test_a_second_wrong_albedo_is_told_apart_from_one(evidence, factors, farthes
     np.testing.assert_allclose(found, (farthest, second), atol=1.5)
 
 
-def test_what_is_as_stated_is_not_told(evidence):
-    assert albedo_json(*reflecting(evidence, {0: 1.05})) == []
-
-
-def test_beside_gloss_an_albedo_is_another_quantity(evidence):
-    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+def test_beside_gloss_an_albedo_is_another_quantity(dimmer):
+    evidence, fitter, solution = dimmer
     space = ParameterSpace.of(Model(), builtin()["specular"])
     named = fitter.refine(space, space.start, solution.phi, 0)
     assert albedo_json(evidence, fitter, named) == []
 
 
 @pytest.mark.parametrize("stated, impossible", [(0.01, True), (0.1, False)])
-def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(evidence, stated, impossible):
-    wrong, fitter, solution = reflecting(evidence, {0: 0.6})
+def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(dimmer, stated, impossible):
+    wrong, fitter, solution = dimmer
     wrong = replace(wrong, capture=replace(wrong.capture, uncertainty=Uncertainty(albedo=stated)))
     [entry] = albedo_json(wrong, fitter, solution)
     assert entry["stated_sigmas"] == pytest.approx(0.4 / stated, rel=0.1)
@@ -430,8 +439,8 @@ def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(evidence, s
     assert any(step.startswith("Measure the albedos again, or state a larger") for step in steps) == impossible
 
 
-def test_no_material_of_a_found_model_reflects_less_than_nothing(evidence):
-    evidence, fitter, solution = reflecting(evidence, {0: 0.6})
+def test_no_material_of_a_found_model_reflects_less_than_nothing(dimmer):
+    evidence, fitter, solution = dimmer
     phi = solution.phi.copy()
     phi[DENSE] = -1.02
     solution = replace(solution, phi=phi)

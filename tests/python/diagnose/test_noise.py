@@ -46,17 +46,10 @@ def table(tmp_path_factory):
     world = make_world(tmp_path_factory.mktemp("world"))
     capture = read_capture(world.capture_path)
     base = replace(capture.frames[0], repeat_group=None, temperature_c=25.0, split="train", depth_path=None)
-    plan = [
-        {"repeat_group": 0},
-        {"repeat_group": 0},
-        {"projector_power": 0.0},
-        {"temperature_c": 45.0},
-        {"temperature_c": 35.0},
-        {},
-    ]
-    capture = replace(
-        capture, frames=tuple(replace(base, id=i, timestamp_s=2.0 * i, **changes) for i, changes in enumerate(plan))
-    )
+    repeat = {"repeat_group": 0}
+    plan = [repeat, repeat, {"projector_power": 0.0}, {"temperature_c": 45.0}, {"temperature_c": 35.0}, {}]
+    frames = (replace(base, id=i, timestamp_s=2.0 * i, **changes) for i, changes in enumerate(plan))
+    capture = replace(capture, frames=tuple(frames))
     return capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(tmp_path_factory.mktemp("cache")))
 
 
@@ -93,20 +86,15 @@ def test_scales_are_not_pulled_down_by_bright_grains(table):
     assert_true_scales(outcome.first.nuisances)
 
 
-def test_nor_are_they_beside_an_effect(found):
+def test_an_effect_leaves_the_scales_and_the_likelier_of_two_alike_is_first_with_its_parameters(found):
+    """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier. One
+    parameter has its truth in its interval, and one that is not at work its neutral value."""
     assert_true_scales(found.solution.nuisances)
-
-
-def test_a_parameter_has_its_truth_in_its_interval_and_one_that_is_not_at_work_its_neutral_value(found):
+    assert [list(name.members) for name in found.names] == [["laser_power_drift", "chromatic_drift"]]
     parameters = parameters_of(found, found.names[0])
     rate, slope = parameters["per_k"], parameters["per_s"]
     assert slope.low < 0.0 < slope.high
     assert rate.value == pytest.approx(PER_K, rel=0.03) and rate.low < PER_K < rate.high
-
-
-def test_what_the_data_cannot_tell_apart_is_a_set_and_the_likelier_is_first(found):
-    """A filter that drifts dims dots in a warm rig as a laser does; a laser's drift of this size is the likelier."""
-    assert [list(name.members) for name in found.names] == [["laser_power_drift", "chromatic_drift"]]
 
 
 @pytest.fixture(scope="module")
@@ -138,14 +126,11 @@ def weighed(evidence: Evidence, model: Model, expected: Images) -> Evidence:
 
 
 def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, Images]) -> None:
-    evidence, true, _ = warming
+    evidence, true, steady = warming
     found = weighed(evidence, WARMING, true)
     assert evidence.noise_variances[0, "left"] > 4.0 * DRIFT_READ_DN**2
     assert found.noise_variances[0, "left"] == pytest.approx(DRIFT_READ_DN**2 + 1 / 12, rel=0.1)
     for before, after in zip(evidence.train, found.train, strict=True):
         assert after.weight.mean() > 2.0 * before.weight.mean()
-
-
-def test_what_explains_no_difference_of_repeats_leaves_the_floor(warming: tuple[Evidence, Images, Images]) -> None:
-    evidence, _, steady = warming
-    assert weighed(evidence, Model(), steady).noise_variances == pytest.approx(evidence.noise_variances, rel=1e-4)
+    unexplained = weighed(evidence, Model(), steady)  # no difference of repeats
+    assert unexplained.noise_variances == pytest.approx(evidence.noise_variances, rel=1e-4)
