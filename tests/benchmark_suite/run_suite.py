@@ -48,35 +48,20 @@ def _arguments():
     sets = ("small", "single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba", "all")
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument(
-        "--jobs", type=int, default=2, metavar="N", help="cases at a time, each on its share of the cores (default: 2)"
-    )
-    parser.add_argument(
-        "--generation",
-        type=int,
-        default=0,
-        metavar="N",
-        help="other test cases of the same kinds (default: 0, the suite's own)",
-    )
-    parser.add_argument(
-        "--only", nargs="+", metavar="NAME", help="test cases of these ids, or that hide one of these effects"
-    )
+    parser.add_argument("--only", nargs="+", metavar="NAME",
+                        help="test cases of these ids, or that hide one of these effects")  # fmt: skip
     parser.add_argument("--limit", type=int, metavar="N", help="the first N test cases only")
-    parser.add_argument(
-        "--scene-errors",
-        type=float,
-        default=1.0,
-        metavar="X",
-        help="size of the calibration's and scene's errors, which captures then state (default: 1)",
-    )
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
-    parser.add_argument(
-        "--timeout", type=float, default=900.0, metavar="S", help="seconds per diagnosis (default: 900)"
-    )
-    parser.add_argument(
-        "--least", type=int, default=0, metavar="N", help="fail where fewer test cases are answered rightly"
-    )
     parser.add_argument("--keep", action="store_true", help="keep the captures")
+    for name, default, metavar, words in (
+        ("--jobs", 2, "N", "cases at a time, each on its share of the cores (default: 2)"),
+        ("--generation", 0, "N", "other test cases of the same kinds (default: 0, the suite's own)"),
+        ("--scene-errors", 1.0, "X", "size of the calibration's and scene's errors, which captures then state "
+                                     "(default: 1)"),
+        ("--timeout", 900.0, "S", "seconds per diagnosis (default: 900)"),
+        ("--least", 0, "N", "fail where fewer test cases are answered rightly"),
+    ):  # fmt: skip
+        parser.add_argument(name, type=type(default), default=default, metavar=metavar, help=words)
     return parser.parse_args()
 
 
@@ -93,16 +78,13 @@ def _run_all(waiting, args):
     for job in range(args.jobs):
         lock_ids.put(cores[job :: args.jobs] or cores)
     with context.Pool(args.jobs, initializer=_take_cores, initargs=(lock_ids,)) as pool:
-        tasks = [
-            (item, args.out.resolve(), args.scene_errors, args.command, args.timeout, args.keep) for item in waiting
-        ]
+        options = args.out.resolve(), args.scene_errors, args.command, args.timeout, args.keep
+        tasks = [(item, *options) for item in waiting]
         for done, (item_id, run) in enumerate(pool.imap_unordered(_run_one, tasks), 1):
             left = (time.monotonic() - started) / done * (len(waiting) - done)
             what = run["said"] if run["returncode"] == 0 else f"failed ({run['returncode']})"
-            print(
-                f"[{done}/{len(waiting)}] {item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left",
-                flush=True,
-            )
+            told = f"{item_id}: {run['diagnose_s']:.0f} s, {what}; {_duration(left)} left"
+            print(f"[{done}/{len(waiting)}] {told}", flush=True)
 
 
 def _take_cores(shares):
@@ -126,10 +108,8 @@ def _run_one(task):
         capture.parent.mkdir(parents=True, exist_ok=True)
         make_case(item, capture, key, scene_errors)
     made = time.monotonic()
-    run = diagnose_capture(command, capture, answer, timeout) | {
-        "make_s": made - started,
-        "diagnose_s": time.monotonic() - made,
-    }
+    run = diagnose_capture(command, capture, answer, timeout)
+    run |= {"make_s": made - started, "diagnose_s": time.monotonic() - made}
     (answer / "run.json").write_text(json.dumps(run))
     if not keep:
         shutil.rmtree(capture)
@@ -156,13 +136,10 @@ def diagnose_capture(command, capture, answer, timeout):
 
 
 def _duration(seconds):
-    return (
-        f"{seconds / 3600:.1f} h"
-        if seconds > 5400
-        else f"{seconds / 60:.0f} min"
-        if seconds > 90
-        else f"{seconds:.0f} s"
-    )
+    for least, unit_s, form in ((5400, 3600, ".1f} h"), (90, 60, ".0f} min")):
+        if seconds > least:
+            return f"{{:{form}".format(seconds / unit_s)
+    return f"{seconds:.0f} s"
 
 
 if __name__ == "__main__":

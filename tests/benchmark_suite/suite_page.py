@@ -26,14 +26,8 @@ def write_page(scores, results, folder, set_name):
     if scores["by_strength"]:
         _answers_picture(scores["by_strength"]).savefig(folder / "answers.png", dpi=110)
         _confusion_picture(scores["by_strength"]).savefig(folder / "confusion.png", dpi=110)
-        lines += [
-            *_strength_table(scores["by_strength"]),
-            "",
-            "![answers](answers.png)",
-            "",
-            "![confusion](confusion.png)",
-            "",
-        ]
+        lines += [*_strength_table(scores["by_strength"]), ""]
+        lines += ["![answers](answers.png)", "", "![confusion](confusion.png)", ""]
     if scores["calibration"]:
         _calibration_picture(scores["calibration"]).savefig(folder / "calibration.png", dpi=110)
         lines += ["![calibration](calibration.png)", ""]
@@ -52,11 +46,8 @@ def _table(measures):
         if name in BARS:
             sign, ship, best = BARS[name]
             reached = [(m["value"] >= x) if sign == ">=" else (m["value"] <= x) for x in (ship, best)]
-            bar, aim, mark = (
-                f"{sign} {ship}",
-                f"{sign} {best}",
-                "aim" if reached[1] else "bar" if reached[0] else "**no**",
-            )
+            bar, aim = f"{sign} {ship}", f"{sign} {best}"
+            mark = "aim" if reached[1] else "bar" if reached[0] else "**no**"
         rows.append(f"| {name} | {m['value']:.3g} | {interval} | {m['n']} | {bar} | {aim} | {mark} |")
     return rows
 
@@ -74,10 +65,7 @@ def _strength_table(by_strength):
 
 def _misses(results):
     """Returns Markdown lines of a table of the cases with a wrong answer."""
-    rows = [
-        "| case | truth | strength | error over floor | verdict | added | first three |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = ["| case | truth | strength | error over floor | verdict | added | first three |", "|---" * 7 + "|"]
     for r in sorted(results, key=lambda r: r.key["id"]):
         if r.right:
             continue
@@ -96,26 +84,18 @@ def _color(truth, answer):
 def _answers_picture(by_strength):
     """Draws the answer for each effect (rows) at each strength (columns)."""
     effects = sorted({truth for part in by_strength.values() for truth in part["confusion"]})
-    figure = Figure(
-        figsize=(3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)), facecolor="white", layout="constrained"
-    )
+    size = 3.2 + 2.3 * len(by_strength), 1.2 + 0.24 * len(effects)
+    figure = Figure(figsize=size, facecolor="white", layout="constrained")
     axes = figure.add_subplot()
     for column, part in enumerate(by_strength.values()):
         for row, truth in enumerate(effects):
             answer = part["confusion"].get(truth)
             if answer is None:
                 continue
-            axes.add_patch(_cell(column, row, _color(truth, answer)))
-            text = "found" if answer == truth else answer
-            axes.text(
-                column,
-                row,
-                text,
-                ha="center",
-                va="center",
-                size=7.5,
-                color=_INK if _color(truth, answer) == _QUIET else "white",
-            )
+            text, color = "found" if answer == truth else answer, _color(truth, answer)
+            axes.add_patch(_cell(column, row, color))
+            ink = _INK if color == _QUIET else "white"
+            axes.text(column, row, text, ha="center", va="center", size=7.5, color=ink)
     axes.set_xlim(-0.5, len(by_strength) - 0.5)
     axes.set_ylim(len(effects) - 0.5, -0.5)
     axes.set_xticks(range(len(by_strength)), list(by_strength))
