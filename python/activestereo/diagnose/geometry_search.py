@@ -40,6 +40,8 @@ _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
+# Sharp steps after the blurred ones.
+_SHARP = 2
 # Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
 _PIXEL_SHARE, _SEED = 0.25, 13
 # Effects on this field of the engine are lenses that may be fitted along; the share of chi2 that one must remove.
@@ -162,8 +164,9 @@ def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequen
         for sigma_px in blurs_px:
             step = _step(evidence, model, sigma_px)
             evidence = _moved(evidence, step.focal, step.twists, again)
-        step = _step(evidence, model) if blurs_px else step
-        evidence = _moved(evidence, step.focal, step.twists, again)
+        for _ in range(_SHARP):
+            step = _step(evidence, model)
+            evidence = _moved(evidence, step.focal, step.twists, again)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 

@@ -174,9 +174,10 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     measured = np.concatenate([p.measured for p in pixels])
     value = measured - linear.residual / np.maximum(weight, 1e-12) - solution.phi[SCALES - 1]
     nodes = np.geomspace(max(np.quantile(value, 0.02), 1.0), pixels[0].observation.view.max_dn, _NODES)
-    curve = np.stack([np.interp(value, nodes, row) * weight for row in np.eye(_NODES)]).astype(np.float32)
-    columns = np.concatenate([linear.nuisances[own:], curve])
-    gram = (columns @ columns.T).astype(np.float64)
+    curve = np.stack([np.interp(value, nodes, row) * weight for row in np.eye(_NODES)])
+    # In double precision: scales and black level are nearly curves themselves.
+    columns = np.concatenate([linear.nuisances[own:], curve], dtype=np.float64)
+    gram = columns @ columns.T
     prior = np.concatenate([linear.precision[own:], np.full(_NODES, 1e-3)])
     pull = np.concatenate([linear.pull[own:], np.zeros(_NODES)])
     norm = np.sqrt(np.diag(gram) + prior)

@@ -192,13 +192,17 @@ class Search:
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
-        if sum(n.seen is not None for n in self._names) == numbers.most_names or max(by_line, by_draws) < floor:
+        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
+        # those that lost to a name of their family are fitted beside it, from their first points if need be.
+        kin, before = {e.family for e in formulas}, self._rounds[-2:][0]
+        lost = {n: c for n, c in (before.candidates | found).items() if n in before.fits}
+        lost = {n: c for n, c in lost.items() if self._is_open(e := self._effect(n)) and e.family in kin}
+        is_over = max(by_line, by_draws) < floor and not lost
+        if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
         likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
-        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other.
-        kin, lost = {e.family for e in formulas}, self._rounds[-2].fits if len(self._rounds) > 1 else {}
-        likely += [c for n, c in found.items() if n in lost and c not in likely and self._effect(n).family in kin]
+        likely += [c for n, c in lost.items() if c not in likely]
         given = self._solution.model, self._solution.phi, likely, self._chi2, self._rendering, self._settings.workers
         fits = refits(self._fitter, self._scored, *given)
         now = self._rounds[-1] = replace(now, fits=fits)
