@@ -40,7 +40,7 @@ _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
-# Sharp steps after the blurred ones.
+# Sharp steps of a search that goes on beside a named effect, which a view's move has hidden so far.
 _SHARP = 2
 # Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
 _PIXEL_SHARE, _SEED = 0.25, 13
@@ -152,8 +152,9 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
-    """Searches the geometry by up to one step per blur and a last sharp step; returns the evidence rendered there.
-    Blurred images, which see further, are used only if the sharp ones need a correction."""
+    """Searches the geometry by up to one step per blur and a last sharp step, or without blurs by sharp steps alone;
+    returns the evidence rendered there. Blurred images, which see further, are used only if the sharp ones need a
+    correction."""
 
     def again(geometry: Geometry) -> Evidence:
         capture = geometry.capture()
@@ -164,7 +165,7 @@ def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequen
         for sigma_px in blurs_px:
             step = _step(evidence, model, sigma_px)
             evidence = _moved(evidence, step.focal, step.twists, again)
-        for _ in range(_SHARP):
+        for _ in range(1 if blurs_px else _SHARP):
             step = _step(evidence, model)
             evidence = _moved(evidence, step.focal, step.twists, again)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))

@@ -154,9 +154,10 @@ class PlaneMatch:
         plane = np.bincount(at, values, self._shape[0] * self._shape[1]).reshape(self._shape).astype(np.float32)
         return fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
 
-    def polished(self, seen: SeenPoints, pose: np.ndarray, size: float) -> np.ndarray:
+    def polished(self, seen: SeenPoints, pose: np.ndarray, size: float, trials: int) -> np.ndarray:
         """Varies place and roll from `pose` by the simplex method, with the best pan and tilt for each. Returns the
-        pose that decreases chi squared most. size: edge of the first simplex, metres and radians."""
+        pose that decreases chi squared most. size: edge of the first simplex, metres and radians. trials: at most so
+        many places."""
         towards = pose[3:5]
 
         def loss(x: np.ndarray) -> float:
@@ -164,7 +165,7 @@ class PlaneMatch:
 
         x0 = np.array([*pose[:3], pose[5]])
         simplex = np.stack([x0, *(x0 + size * np.eye(4))])
-        found = minimize(loss, x0, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 90}).x
+        found = minimize(loss, x0, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": trials}).x
         return self.best(seen, np.array([*found[:3], *towards, found[3]]))[2]
 
 
@@ -254,6 +255,8 @@ _MOST_OF_GRID = 200_000
 # The pattern's blur (Gaussian, radians) and resolution (focal length, pixels) in the search and in the polish.
 COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
+# Places that a rough polish and a polish try.
+_ROUGH_TRIALS, _TRIALS = 40, 90
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
 # unit shows and nothing is searched.
 _FINE_PX, _LEAST_CHI2 = 4.0, 1.1
@@ -283,9 +286,10 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     found = SphereMatch(view, *COARSE).best(few, places)
     coarse, exact = PlaneMatch(view, *COARSE), PlaneMatch(view, *_FINE)
     poses = [pose for _, pose in nlargest(_ROUGHLY_POLISHED, found, _gain)]
-    rough = [coarse.polished(few, pose, 0.02) for pose in poses]
+    rough = [coarse.polished(few, pose, 0.02, _ROUGH_TRIALS) for pose in poses]
     rough = nlargest(_POLISHED, rough, lambda pose: coarse.best(seen, pose)[0])
-    starts = [exact.best(seen, exact.polished(seen, coarse.polished(seen, pose, 0.02), 0.01)) for pose in rough]
+    near = [coarse.polished(seen, pose, 0.02, _TRIALS) for pose in rough]
+    starts = [exact.best(seen, exact.polished(seen, pose, 0.01, _TRIALS)) for pose in near]
     names = "x_m", "y_m", "z_m", "azimuth_rad", "elevation_rad", "roll_rad"
     return [
         {"intensity_m2": strength} | dict(zip(names, map(float, pose), strict=True))
