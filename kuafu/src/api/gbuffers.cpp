@@ -29,7 +29,7 @@ std::shared_ptr<ks::Buffer> read_image(kuafu_buffer handle, const char* name, ui
   if (buffer->size_bytes() < words * 4)
     ks::fail(KS_ERROR_INVALID_ARGUMENT,
              "%s has %llu bytes, the images of all environments need %llu (supersampling multiplies rows and columns)", name,
-             static_cast<unsigned long long>(buffer->size_bytes()), static_cast<unsigned long long>(words * 4));
+             static_cast<unsigned long long>(buffer->size_bytes()), 4 * static_cast<unsigned long long>(words));
   return buffer;
 }
 
