@@ -47,8 +47,8 @@ _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)[..., None]
 @dataclass(frozen=True)
 class Picture:
     """A recorded picture of the object and its surroundings. seen: float32 [height, width, channel]. usable: mask of
-    unsaturated pixels. sigma: standard deviation of noise and model error, as seen. lit: whether the projector was on.
-    surface: [height, width], 1 + index of the object's surface, 0 around it."""
+    unsaturated pixels. sigma: standard deviation of noise and model error, in the shape and unit of `seen`.
+    lit: whether the projector was on. surface: [height, width], 1 + index of the object's surface, 0 around it."""
 
     name: str
     band: Literal["infrared", "visible"]

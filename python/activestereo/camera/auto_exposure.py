@@ -65,7 +65,7 @@ class AutoExposure:
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
-        """Returns [n]: the exposure x gain at which the control settles for each of n images, over the start setting's.
+        """Returns [n]: for each image, the exposure x gain at which the control settles, divided by that of `start`.
         light: radiance [n, height, width]. signal: simsense's imager parameters under the start setting."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._metered_counts(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges the device's own depth engine by its disparity: its faults do not show in the infrared images.
 
-The device's matcher is not ours, but both get the same images. Judged is the device's disparity error against the true
+The device's matcher is not ours, but both get the same images. We judge the device's disparity error against the true
 geometry, less the error of our engine on the model's own pair. Errors beyond a pixel are mismatches and count as one
 pixel. A filter is recognised by the variance of differences between neighbours instead.
 
 Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are removed first as long as they explain
-most of the error; faults are judged on the rest.
+most of the error. Faults are judged on the rest.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -72,14 +72,15 @@ class DepthFinding:
 @dataclass(frozen=True)
 class Depth:
     """The judgement of a depth engine. findings: named effects first, then by gain; empty if there is no depth.
-    images_agree: whether the infrared images lack nothing; if they do, no effect is named, because the engine matched
-    these images."""
+    images_agree: whether the model explains the infrared images. If not, no effect is named, because the device's
+    engine matched these images."""
 
     findings: tuple[DepthFinding, ...]
     images_agree: bool
 
     def named(self, is_choice: bool) -> list[DepthFinding]:
-        """Returns the named findings: those that depend on the choice of the matcher alone, or the faults."""
+        """Returns the named findings. is_choice: True selects those that depend on the choice of the matcher alone,
+        False the faults."""
         return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice == is_choice]
 
 
@@ -142,8 +143,8 @@ class _DepthFrame:
     focal_baseline: float
 
     def shift(self, effect: Effect, values: np.ndarray, noise_px: float) -> np.ndarray:
-        """Returns the change that an effect makes to the true disparities plus a constant noise_px, px
-        [height][width]."""
+        """Adds the constant noise_px to the true disparities and applies an effect. Returns the change by the effect
+        alone, px [height][width]."""
         truth = np.where(self.truth > 0, np.maximum(self.truth + noise_px, 1e-3), 0.0)
         moved = self.applied(effect, values, truth)
         return (
@@ -232,7 +233,8 @@ class _Judge:
         return content_key(self._frames, self._numbers)
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
-        """Returns how an effect moves the true disparities, px: the mean over the engine's noise, on which it acts."""
+        """Returns the shift of the true disparities by an effect, px, averaged over the engine's noise. The effect acts
+        on the noisy disparities."""
         shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
         return np.sum(shifts, axis=0)
 

@@ -75,7 +75,8 @@ def numbered(atoms: Sequence[Atom]) -> list[Atom]:
 
 
 def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
-    """Returns one atom for each effect and parameter that leads, and all that effects propose themselves."""
+    """Returns the middle atom of each effect and first parameter that it moves. Atoms at points that effects propose
+    themselves are all returned."""
     groups: dict[object, list[Atom]] = {}
     for atom in atoms:
         group = atom.first if atom.effect.starts else (atom.effect.id, atom.steps[0][0])
@@ -194,8 +195,8 @@ _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]
 
 
 def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
-    """Yields (parameter values, steps, prior deviations) for each Atom of an effect. starts: the points that the effect
-    proposes itself, [n][parameter], NaN = neutral."""
+    """Yields (values, steps, sigma) for each Atom of an effect, as Atom defines them. starts: points that the effect
+    proposes itself, [n][parameter], NaN = neutral. reach: prior deviation of an amplitude, in typical values."""
     if starts is not None:
         yield from _proposed(effect, starts)
         return

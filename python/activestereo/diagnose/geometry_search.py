@@ -85,8 +85,8 @@ def coarse(o: Observation, sigma_px: float) -> Observation:
 @dataclass(frozen=True)
 class _Step:
     """One correction of the geometry. focal: relative changes of the focal lengths; twists: changes of poses as in
-    Geometry.twists(); deviations: standard errors of focal, then twists. misfit: pixels that count as one independent
-    pixel. left: mean square of the remaining residual, in units of the noise's variance."""
+    Geometry.twists(); deviations: standard errors of focal, then twists. misfit: as in Geometry.
+    left: mean square of the remaining residual, in units of the noise's variance."""
 
     focal: np.ndarray
     twists: np.ndarray
@@ -225,7 +225,7 @@ def _own_step(
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns (step, variance) of the numbers at indices `own` of the prior, which only the observations `others`
-    depend on. held: the precision with which other observations tell each of theta, which is fitted along; None: theta
+    depend on. held: the precision of each number of theta from other observations; theta is fitted along. None: theta
     stays."""
     in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
     fitter = Fitter(in_one_tile, prior, evidence.tiles, supersampled)

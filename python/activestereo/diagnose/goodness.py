@@ -38,8 +38,8 @@ _RIDGE = 0.05
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """Returns by how many times the chi2 of tiles varies more than with independent normal pixels; at least 1. Divided
-    by it, the number of pixels becomes the effective number of independent pixels."""
+    """Returns the variance of the tiles' chi2 over its variance for independent normal pixels; at least 1. The number
+    of pixels divided by it is the effective number of independent pixels. tile_chi2, tile_pixels: [tile]."""
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -47,11 +47,11 @@ def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
-    """Returns the penalty for a fitted effect's free parameters in nats, to be added to a gain: the logarithm of prior
-    density at the fitted values times posterior volume.
+    """Returns the penalty for a fitted effect's free parameters in nats, to be added to a gain. It is the logarithm of
+    prior density at the fitted values times posterior volume.
 
-    Parameters may also be neutral, at the cost of the likelihood that this loses. The best such choice counts, and all
-    choices are equally probable. design: the residuals' design effect.
+    Each parameter may also stay neutral, which lowers the likelihood. The best choice of neutral parameters counts, and
+    all choices are equally probable. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
     free = first + np.flatnonzero(~solution.space.given[first:])
@@ -76,8 +76,8 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
 def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray, peaks: np.ndarray) -> float:
     """Returns the penalty, nats, if only the parameters `kept` are in use.
 
-    away: distances from neutral in typical deviations. information: in those units. density, peaks: log prior densities
-    at the fitted and at the neutral values.
+    away: distances from neutral in typical deviations. information: the Fisher information in these units. density,
+    peaks: log prior densities at the fitted and at the neutral values.
     """
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
@@ -119,8 +119,8 @@ def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
 
 
 def floor(parameter: Parameter, value: float) -> float:
-    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of the value: of
-    an amplitude, whose neutral value is 0, or of a shape (a focus, a frequency, a doubling temperature)."""
+    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of the value. The
+    value is an amplitude, whose neutral value is 0, or a shape (a focus, a frequency, a doubling temperature)."""
     return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(value))
 
 
@@ -144,7 +144,7 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool =
 
 
 def local_structure(rows: Sequence[ImageResidual]) -> float:
-    """Returns the part of the residual on which both halves of the tiles agree: mean square per pixel, noise variances.
+    """Returns the mean square per pixel, in noise variances, of the residual's part on which both tile halves agree.
 
     It is unbiased up to the ridge, which holds it down: for pure noise it is near 0, of either sign.
     """

@@ -106,8 +106,8 @@ class Search:
         )  # fmt: skip
 
     def look(self) -> list[str]:
-        """Returns the ids of the likeliest effects by score: of one shape of each, then of all shapes of those that
-        lead."""
+        """Scores one shape of each effect, then all shapes of the effects that lead. Returns the ids of the likeliest
+        effects by the second score."""
         linear = linearised(self._scored, self._solution)
         atoms = self._atoms(linear)
 
@@ -243,8 +243,8 @@ class Search:
         return True
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
-        """Subtracts the predicted draws of a named field from the images, in place of those subtracted before; None:
-        the field has none. rows: the residuals that it was fitted to."""
+        """Subtracts the predicted draws of a named field from the images, in place of those subtracted before.
+        field: its fit; None: it has no draws. rows: the residuals that it was fitted to."""
         rest = [row.residual for row in rows] if field is None else field.residuals
         drawn = {row.observation.key: row.residual - left for row, left in zip(rows, rest, strict=True)}
         before, self._draws[name.id] = self._draws.get(name.id, {}), drawn
@@ -279,8 +279,8 @@ class Search:
         self._widen_set(name, stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers))
 
     def _widen_set_of_inexact(self) -> None:
-        """Adds effects to the set of the name whose formula may have missed most: those that gained enough to be named
-        in the last round, but no more than it may have missed. It may be a part of their image change."""
+        """Adds effects to the set of the name whose formula may have missed most chi2. They gained enough in the last
+        round to be named, but no more than it may have missed. The name may be a part of their image change."""
         in_model = {effect.id for effect, _ in self._solution.model.effects}
         inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
         fits = self._rounds[-1].fits
@@ -310,8 +310,8 @@ class Search:
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
         """Returns whether a fit explains more than errors of the named effects' formulas can. Either its gain exceeds
-        these errors, or the part of its gain that they cannot imitate does. The second counts only for another family:
-        the error of a distortion's formula is a distortion."""
+        these errors, or the part of its gain that the named effects cannot imitate exceeds them. The second rule holds
+        only for another family of effects: the error of a distortion's formula is a distortion."""
         if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
@@ -339,8 +339,8 @@ class Search:
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
         """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that
-        each effect leaves. Fast formulas of effects are not exact, so odds count in units of their error: the
-        measured one or the usual one, with equal weight."""
+        each effect leaves. Fast formulas of effects are not exact, so log odds are divided by their error. The
+        measured error and the usual error have equal weight."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         design = self._design(fits.get(best))
         nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
@@ -488,6 +488,7 @@ class Search:
 
 
 def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
-    """Returns the model with its effects' own image functions in place of rendered ones."""
+    """Returns the model with each effect replaced by the candidate of the same id, if there is one. The candidates have
+    the effects' own image functions; the model's effects may have rendered ones."""
     own = {e.id: e for e in candidates}
     return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))

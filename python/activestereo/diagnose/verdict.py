@@ -47,13 +47,15 @@ class Remainder:
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
-    """Returns the remaining error in units of the error that may remain: beyond 1 an effect is still missing.
+    """Returns the remaining error in units of the error that may remain. Beyond 1 an effect is still missing.
 
-    If none is named, errors of the scene measurement may leave some excess, but no structure, nor two albedos far from
-    their stated values. The same holds beside random draws and temporal noise, which explain little of expected images.
-    Beside other effects the structure must be a small part of what one name took of the first one, for formulas are not
-    exact; names that share out an effect of no library leave more. No more error may be left than is explained in
-    expected images, neither on train nor on test frames, nor in one of these. Test frames must confirm either case.
+    Each number of `rest` is divided by its limit, and the largest ratio counts. `strain` has one limit in all cases. If
+    no effect is named, `left` may reach the error of the scene measurement, and `structure` must be near 0. The same
+    holds if the named effects explain little of expected images, as random draws and temporal noise do. Beside other
+    effects, `left` may reach what these explain in expected images. `structure` may be larger, as formulas are not
+    exact; it counts less, the smaller it is against structure_before / names. Names that share out an effect outside
+    the library leave more structure. In each case test frames must confirm: test_left may reach test_explained. Beside
+    other effects no single test frame may exceed its own limit, and a weighted sum of the train and test ratios counts.
     """
     if rest.is_full:
         return float("inf")

@@ -30,9 +30,10 @@ _LEAST_CLOSED = 0.6  # share of the directions from a room's place in which some
 
 
 def overall_view(scene: kuafu.Scene, least_m: float = 0.0) -> tuple[NDArray[np.float64], str]:
-    """Returns camera_to_world [4, 4] of a camera for a scene, and words on its place. It looks forwards and down, in a
-    closed room from the place with most space around; at a thing as near as it can and still see all of it. Where the
-    middle of the view is farther than MIDDLE_M, it goes so near, up to a size of 50 m.
+    """Returns camera_to_world [4, 4] of a camera for a scene, and words on its place. It looks forwards and down. In a
+    closed room it stands at the place with most space around. Otherwise it is as near as it can and still sees the
+    whole scene. If the middle of the view is farther than MIDDLE_M, it moves ahead to that distance. In an open scene
+    it does so only up to a size of 50 m.
 
     least_m: the shortest distance that the camera measures."""
     low, high = np.array(scene.summary.bounds_min_m), np.array(scene.summary.bounds_max_m)
@@ -56,8 +57,8 @@ def overall_view(scene: kuafu.Scene, least_m: float = 0.0) -> tuple[NDArray[np.f
 
 
 def light_closed_room(scene: kuafu.Scene) -> None:
-    """Hangs a lamp a tenth of the height below the top of a closed room without lamps, which gives the floor below it
-    ROOM_LUX: light from all sides does not come in. Leaves other scenes alone."""
+    """Adds a lamp to a closed room without lamps, because light from the surroundings does not come in. The lamp hangs
+    at 0.9 of the room's height and gives the floor below it ROOM_LUX. Other scenes stay as they are."""
     import kuafu
 
     place = None if has_lamps(scene) else room_place(scene)

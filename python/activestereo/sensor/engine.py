@@ -27,12 +27,12 @@ from activestereo.sensor.rig import RigInputs
 
 
 class SensorEngine:
-    """Renders the pictures of equal depth sensors in one scene, and computes their depth.
+    """Renders the pictures of identical depth sensors in one scene, and computes their depth.
 
-    environments: number of the environment of each sensor. [None]: one sensor in a scene without environments. Only
-    that one may have a velocity, conditions, 'converging' exposure and effects that change its images. shape: leading
-    axes of results: () for one sensor, (E,) or (E, S). source: path of the scene's file, or any other object.
-    matcher: computes disparities, see foreign_matcher.py.
+    environments: number of the environment of each sensor. [None]: one sensor in a scene without environments.
+    Velocity, conditions, 'converging' exposure and effects that change images are for such a sensor only.
+    shape: leading axes of results: () for one sensor, (E,) or (E, S). source: path of the scene's file, or any
+    other object. matcher: computes disparities, see foreign_matcher.py.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
     then."""

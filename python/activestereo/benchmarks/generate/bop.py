@@ -150,8 +150,8 @@ def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
 
 
 def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, about: dict[str, Any]) -> None:
-    """Writes the data set's common files: camera.json, ir_cameras.json, models_info.json (boxes; `diameter` is the
-    box's diagonal) and dataset.json. about: dataset.json's contents, the settings."""
+    """Writes the data set's common files: camera.json, ir_cameras.json, models_info.json (each thing's box
+    in mm; `diameter` is the box's diagonal) and dataset.json. about: the settings, which dataset.json holds."""
     k, (width, height) = config.rgb_intrinsic, config.rgb_resolution
     camera = {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2], "depth_scale": 1.0}
     write_json(out / "camera.json", camera | {"width": width, "height": height})

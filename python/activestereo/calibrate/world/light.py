@@ -292,8 +292,8 @@ def _robust(
 
 @dataclass(frozen=True)
 class Textures:
-    """Images of one view, [height, width], merged from all views of the same surfaces: albedo and room light in
-    arbitrary units, and the room light's relative deviation, NaN where only one view saw the surface."""
+    """Images of one view, [height, width], merged from all views of the same surfaces. albedo, room: albedo and room
+    light in arbitrary units. deviation: relative standard error of `room`, NaN where only one view saw the surface."""
 
     albedo: Image
     room: Image

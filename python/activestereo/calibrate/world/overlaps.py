@@ -151,8 +151,8 @@ class Contact:
 
 
 def contact(first: Surface, second: Surface, a_to_b: Pose, K: NDArray[np.float64], reach_m: float) -> Contact:
-    """Moves the first surface's sampled points by a_to_b and pairs each with the second's point at the same pixel, if
-    within reach_m."""
+    """Moves the first surface's sampled points by a_to_b and pairs each with the second's point at the same pixel. A
+    pair's distance is below reach_m along the second's normal, and below 4 reach_m in all. K: 3x3 of both cameras."""
     start = first.points.reshape(-1, 3)[first.pick].astype(np.float64)
     moved = start @ a_to_b[:3, :3].T + a_to_b[:3, 3]
     z = np.maximum(moved[:, 2], 1e-3)

@@ -69,7 +69,7 @@ class Looks:
         return blur(image, _PAIR_PX) - blur(image, _SLOW_PX)
 
     def even(self, amplitude: Image) -> Image:
-        """Returns a dot amplitude [height][width] averaged with the blur of the band "slow"."""
+        """Returns a dot amplitude [height][width] after the "slow" band's Gaussian blur. Only usable pixels count."""
         return blur(amplitude * self.usable, _SLOW_PX) / self.share
 
     def all(self, image: Image) -> dict[str, Image]:

@@ -178,10 +178,10 @@ class Randomness(Enum):
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of an effect. neutral: the value at which the effect changes nothing. low, high: the physically
-    possible range. typical: the standard deviation of the prior around neutral. choice: a whole number that selects
-    surfaces or a variant, which fits leave as it is. in_engine: whether the engines have the parameter (False: they
-    simulate the effect at its neutral value alone; None: they see it in the scene). slope_step: the largest step of a
-    finite difference, where images follow the parameter more finely than `typical` tells."""
+    possible range. typical: the standard deviation of the prior around neutral. choice: whether it is a whole
+    number that selects surfaces or a variant; fits do not change it. in_engine: True: the engines have the parameter.
+    False: they simulate the effect only where the parameter is neutral. None: they see the parameter in the scene.
+    slope_step: the largest step of a finite difference, in `unit`; set where a share of `typical` is too coarse."""
 
     name: str
     unit: str

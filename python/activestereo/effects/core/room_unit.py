@@ -156,8 +156,8 @@ class PlaneMatch:
 
     def polished(self, seen: SeenPoints, pose: np.ndarray, size: float, trials: int) -> np.ndarray:
         """Varies place and roll from `pose` by the simplex method, with the best pan and tilt for each. Returns the
-        pose that decreases chi squared most. size: edge of the first simplex, metres and radians. trials: at most so
-        many places."""
+        pose that decreases chi squared most. size: edge of the first simplex, metres and radians. trials: the largest
+        number of poses to evaluate."""
         towards = pose[3:5]
 
         def loss(x: np.ndarray) -> float:

@@ -136,7 +136,8 @@ class Looks:
 
 
 def is_visible(entity: Any) -> bool:
-    """Returns whether the entity has a body and SAPIEN shows it."""
+    """Returns whether SAPIEN shows one of the entity's render bodies. An entity without render bodies counts as visible
+    if it has VisualRecords or collision shapes."""
     bodies = _components(entity, "RenderBodyComponent")
     if bodies:
         return any(body.visibility > 0 for body in bodies)
@@ -206,8 +207,8 @@ _GREY = (0.6, 0.6, 0.6, 1.0)
 
 
 class Part(NamedTuple):
-    """A mesh with one material, in the frame of the visual shape that it is from. arrays: kuafu's add_mesh()'s, without
-    normals or uvs if the source has none. scale: [3], factors not yet applied to positions."""
+    """A mesh with one material, in the frame of the visual shape that it is from. arrays: arguments of kuafu's
+    add_mesh(), without normals or uvs if the source has none. scale: [3], factors not yet applied to positions."""
 
     arrays: dict[str, NDArray[Any]]
     scale: ArrayLike
