@@ -66,7 +66,8 @@ class AutoExposure:
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
         """Returns [n]: for each image, the exposure x gain at which the control settles, divided by that of `start`.
-        light: radiance [n, height, width]. signal: simsense's imager parameters under the start setting."""
+        light: radiance [n, height, width]. signal: simsense's imager parameters at the setting `start`. max_dn: the
+        count at which pixels clip."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._metered_counts(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]
@@ -76,8 +77,8 @@ class AutoExposure:
     def _metered_counts(
         self, light: NDArray[np.float32], signal: Mapping[str, float], now: Setting
     ) -> NDArray[np.float32]:
-        """Returns [n, pixels]: counts above black that one second of exposure x gain gives in the metering region of n
-        images. light: radiance [n, height, width]."""
+        """Returns the counts above black [n, pixels] in the metering region of n images for exposure x gain = 1 s, of
+        every second pixel in x and y. light: radiance [n, height, width]. signal: parameters at the setting `now`."""
         dn_per_light_s = signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"] / now.gain
         left, top, right, bottom = self.region or (0, 0, light.shape[2], light.shape[1])
         looked_at = np.asarray(light[:, top:bottom:STRIDE, left:right:STRIDE], dtype=np.float32)
@@ -112,9 +113,9 @@ class AutoExposure:
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:
-    """Computes the exposure factor that puts the median lit pixel's green at a quarter of white, in float32 as kuafu's
-    output `srgb` does. The median is rounded to the middle of all values with its upper 16 bits. radiance: float32
-    [..., height, width, 3]."""
+    """Computes the exposure factor that puts the median lit pixel's green at a quarter of white; 1 if no pixel is lit.
+    It uses float32, as kuafu's output `srgb` does. Of the median only the upper 16 bits count; the lower ones are set
+    to the middle of their range. radiance: float32 [..., height, width, 3]."""
     green = radiance[..., ::STRIDE, ::STRIDE, 1]
     lit = green[(green >= DARKEST) & (green < np.inf)]
     if not lit.size:

@@ -110,13 +110,13 @@ _MAY_BE_NONE = ("rgb_exposure", "ir_exposure_region", "ir_distortion_right", "ir
 
 
 def check_field(name: str, value: Any) -> None:
-    """Checks one field's value. Raises ValueError with the value and the allowed ones if it is invalid."""
+    """Checks one field's value. Raises ValueError with the value and the allowed values if it is invalid."""
     if (fault := None if value is None and name in _MAY_BE_NONE else _fault(name, value)) is not None:
         raise ValueError(f"{name} {fault}")
 
 
 def _fault(name: str, value: Any) -> str | None:
-    """Returns the fault of a field's value in words that follow the field's name; None if it is valid."""
+    """Returns None if a field's value is valid. Otherwise returns the fault as text that follows the field's name."""
     if name in _NUMBERS:
         return _NUMBERS[name].fault(value)
     if name in _LISTS:
@@ -263,8 +263,8 @@ def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
 
 
 def check_together(fields: Mapping[str, Any]) -> None:
-    """Raises ValueError if a value is invalid or fields contradict one another. fields: vars() of a configuration. It
-    checks each value again, since arrays may have changed in place."""
+    """Raises ValueError if a value is invalid or fields contradict one another. fields: vars() of a configuration. Each
+    value is checked again, since an array may have been changed in place."""
     for name, value in fields.items():
         check_field(name, value)
     calibrated: Calibrated = fields["_calibrated"]

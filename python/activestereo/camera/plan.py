@@ -28,8 +28,8 @@ _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's pattern: its image, uint8 [height, width], and the relative radiant intensity 0..1 that this stands
-    for, float32 and read-only."""
+    """A projector's pattern. image: uint8 [height, width]. radiant: the image as relative radiant intensity 0..1,
+    float32 and read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]
@@ -37,15 +37,15 @@ class Pattern(NamedTuple):
 
 @dataclass(frozen=True)
 class SensorPlan:
-    """Inputs of the renderer, imagers, rectification, matcher and registration for one sensor. The RGB camera is at the
-    origin. Dicts are keyword arguments.
+    """Inputs of the renderer, imagers, rectification, matcher and registration for one sensor. The RGB camera's frame
+    is the world. Each dict holds keyword arguments of the function named here.
 
-    config: the sensor's configuration, for the fields that need no conversion. rgb, left, right: of kuafu.Camera,
+    config: the sensor's configuration, for the fields that need no conversion. rgb, left, right: kuafu.Camera's,
     without velocities and the infrared exposure. left_to: 4x4 from the left camera's axes to those of 'rgb', 'left',
-    'right' and 'projector'. projector: of kuafu.Light without its intensity, or None without a projector. pattern: the
-    projector's image; None if it has dots. laser_w_sr: the projector's intensity in even and in odd pictures. renderer:
-    of kuafu.Renderer; render: of its render(). engine: of simsense.Engine, without the imagers. signal: the imagers'
-    parameters at gain 1."""
+    'right' and 'projector'. projector: kuafu.Light's without its intensity; None without a projector. pattern: the
+    projector's image; None if it has dots. laser_w_sr: the projector's intensity in even and in odd pictures. renderer,
+    render: those of kuafu.Renderer and its render(). engine: simsense.Engine's, without the imagers. signal: the
+    imagers' parameters at gain 1."""
 
     config: StereoDepthSensorConfig
     rgb: dict[str, Any]
@@ -118,13 +118,13 @@ def plan_of(config: StereoDepthSensorConfig) -> SensorPlan:
 
 
 def parameters(config: StereoDepthSensorConfig, table: Sequence[Parameter]) -> dict[str, Any]:
-    """Returns {parameter: the configuration's value} of the engine parameters in a table."""
+    """Returns {name: the configuration's value} of all engine parameters in a table."""
     return {p.name: getattr(config, p.name) for p in table}
 
 
 def matcher_parameters(config: StereoDepthSensorConfig) -> dict[str, Any]:
-    """Returns {parameter: value} of the stereo matcher. Noise that the configuration leaves at 0 becomes the imager's
-    at gain 1: the matcher's threshold of detection needs it, also for recorded counts."""
+    """Returns {parameter: value} of the stereo matcher. Its detection threshold needs the images' noise, also that of
+    recorded images. If the configuration leaves this noise at 0, it is that of the imager's parameters at gain 1."""
     out = parameters(config, MATCHER)
     if out["min_detection_sigma"] > 0.0 and out["noise_dn2"] == out["noise_dn2_per_dn"] == 0.0:
         signal = signal_parameters(config)
@@ -141,8 +141,8 @@ def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.n
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
-    """Returns all imager parameters at gain 1: those of ir_signal, or of SAPIEN's noise if it is None. Responsivity and
-    black level are applied. Both infrared imagers use them."""
+    """Returns all parameters of both infrared imagers at gain 1: ir_signal's, or SAPIEN's noise if that is None. The
+    configuration's responsivity and black level are included."""
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
@@ -187,7 +187,7 @@ def pattern_k(config: StereoDepthSensorConfig, width: int, height: int) -> np.nd
 
 
 def _projector(config: StereoDepthSensorConfig, pattern: Pattern | None) -> dict[str, Any] | None:
-    """Returns keyword arguments of kuafu.Light without its pose; None if there are neither dots nor an image."""
+    """Returns keyword arguments of kuafu.Light without its pose and intensity; None without dots and image."""
     fields: dict[str, Any] = {"kind": "projector", "name": "projector"}
     fields |= {"falloff": config.projector_falloff, "pattern_scale": config.light_pattern_scale}
     if config.projector_beam_radius_m > 0.0:

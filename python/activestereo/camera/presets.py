@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensor configurations: StereoDepthSensorConfig("D435"), or another camera of camera/data. The camera's file gives
-every figure with its source ('activestereo presets' prints them). Field names are SAPIEN's, and new fields follow their
-style. "sapien-D435" and "sapien-D415" also have SAPIEN's values.
+"""Sensor configurations: StereoDepthSensorConfig("D435"), or another camera of camera/data. The camera's file has every
+figure with its source ('activestereo presets' prints them). Fields have SAPIEN's names; new ones follow SAPIEN's style.
+The cameras "sapien-D435" and "sapien-D415" have SAPIEN's values, too.
 
 Exposure: a pixel's noise-free count is ir_camera_exposure * ir_camera_gain * ir_responsivity_dn * radiance, plus the
-black level. The devices' presets expose automatically (auto_exposure.py). SAPIEN's exposure is fixed: a mean dot
-reaches about 130 counts at 1 m on a surface of albedo 0.5."""
+black level. Real cameras' configurations expose automatically (auto_exposure.py). SAPIEN's have a fixed exposure: a
+mean dot reaches about 130 counts at 1 m on a surface of albedo 0.5."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """Returns simsense's imager parameters from the camera's noise figures. None if its file has none; SAPIEN's noise
-    then applies."""
+    """Returns simsense's imager parameters from the noise figures in the camera's file. Returns None if the file has
+    none; SAPIEN's noise then applies."""
     imager = camera.figures["imager"]
     if "conversion_gain_dn_per_e" not in imager:
         return None
@@ -132,7 +132,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # k3, k4 of a fisheye lens. Both IR cameras have the same one. rectified: the infrared pair is matched as it
         # comes, its rows aligned; a pair with a distorting lens is rectified first all the same.
         self.ir_distortion: tuple[float, ...] = (0.0,) * 5
-        # The right IR camera's, if it differs from the left one's; None = the same.
+        # The right IR camera's matrix and lens; None = the left one's.
         self.ir_intrinsic_right: NDArray[np.float64] | None = None
         self.ir_distortion_right: tuple[float, ...] | None = None
         self.rgb_distortion: tuple[float, ...] = (0.0,) * 5
@@ -144,7 +144,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         self.active_light_fov = float(np.deg2rad(camera.value("projector", "field_of_view_deg")))
         has_projector = camera.value("projector", "has_projector", True)
         self.light_pattern: NDArray[np.uint8] | str | PathLike[str] | None = "generated" if has_projector else None
-        # 3x3 of the pattern image in place of active_light_fov.
+        # The pattern image's 3x3 camera matrix, which replaces active_light_fov; None = no replacement.
         self.pattern_intrinsic: NDArray[np.float64] | None = None
         figures = {
             name: camera.value("projector", name)
@@ -173,7 +173,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         # the cosine from the projector's axis.
         self.projector_beam_radius_m: float = camera.value("projector", "beam_radius_m", 0.0)
         self.projector_falloff: float = camera.value("projector", "falloff", 0.0)
-        # True: the scene's other sensors see its dots, too, as real sensors do.
+        # True: other sensors of the scene also see this projector's dots, as real sensors do.
         self.projector_always_on = False
 
         # Exposure and infrared light. ir_camera_exposure in seconds; ir_responsivity_dn in counts per W s / (sr m^2).
@@ -309,10 +309,10 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def from_model(
         cls, model: SensorModel | str | Path, base: str = "D435", frame: Frame | None = None
     ) -> StereoDepthSensorConfig:
-        """Makes the configuration of a sensor model, given as a SensorModel or the path of a model.json. The preset
-        `base`, at the size of the model's images, supplies values that the model lacks. Give the model to the sensor,
-        too: StereoDepthSensor(config, scene, model=model). frame: one of the model's capture, with its exposure, laser
-        and light: an infrared radiance of 1 is the room's."""
+        """Makes a sensor's configuration from a sensor model, a SensorModel or the path of a model.json. Values that
+        the model lacks come from the preset `base`, scaled to the model's image size. Give the model to the sensor,
+        too: StereoDepthSensor(config, scene, model=model). frame: of the capture that the model was fitted to; it sets
+        exposure, laser and light, so that an infrared radiance of 1 is the room's."""
         from activestereo.model import SensorModel, read_model
         from activestereo.model.configure import configured, exposed
 
@@ -327,7 +327,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @property
     def focal_baseline_px_m(self) -> float:
-        """Focal length times baseline of the infrared pair, pixel metres: depth is this number over disparity."""
+        """Focal length times baseline of the infrared pair, in pixel metres. Divided by a disparity it gives depth."""
         baseline_m = np.linalg.norm(self.trans_pose_r.p - self.trans_pose_l.p)
         return float(self.ir_intrinsic[0, 0] * baseline_m)
 
@@ -379,7 +379,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return out
 
     def _rescaled(self, factor: float) -> StereoDepthSensorConfig:
-        """Returns a copy whose matcher and speckle suit images with `factor` times the focal length in pixels."""
+        """Returns a copy with matcher and speckle adapted to a focal length, in pixels, `factor` times as large."""
         self.check()
         out = deepcopy(self)
         object.__setattr__(out, "_scale", self._scale * factor)
@@ -427,7 +427,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
 
 def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoDepthSensorConfig:
-    """Returns a copy of a configuration, or makes the one of a camera's name or file. Raises TypeError for anything
+    """Returns a copy of a configuration, or a new one for a camera's name or file. Raises TypeError for anything
     else."""
     if isinstance(config, (str, PathLike)):
         return StereoDepthSensorConfig(str(config))

@@ -42,9 +42,9 @@ def accuracy_by_material(
     measured: np.ndarray, true: np.ndarray, ids: np.ndarray, name_of: Callable[[int], str | None],
     max_depth: float = np.inf, least_pixels: int = 50,
 ) -> list[Accuracy]:  # fmt: skip
-    """Computes an Accuracy for each material with at least `least_pixels` pixels, largest first. Behind them come one
-    for the pixels without a surface, if there are as many, and one for all pixels. measured, true: metres [height,
-    width], 0 = none. ids: material number of each pixel. name_of(number): a material's name, None = nameless."""
+    """Computes an Accuracy for each material with at least `least_pixels` pixels, most pixels first. Then follow pixels
+    without a surface, if there are as many, and all pixels in range. measured, true: metres [height, width], 0 = none.
+    ids: each pixel's material number. name_of(number): its name, None = nameless. max_depth: metres."""
     in_range = (true > 0) & (true < max_depth)
     known, counts = np.unique(ids[in_range], return_counts=True)
     rows = [

@@ -13,8 +13,8 @@ _AGREEING = 0.02
 
 
 def unit_question(baseline: float) -> str | None:
-    """Returns a question about the unit, which follows a name in a message, if a baseline is too long to be in metres;
-    else None."""
+    """Returns None if a baseline, metres, is at most 2 m. Otherwise returns text that follows a name in a message and
+    asks whether the unit is millimetres."""
     if baseline <= MOST_BASELINE_M:
         return None
     question = f"is {baseline:g} m, more than any pair of depth cameras is apart: is it in millimetres?"
@@ -22,9 +22,9 @@ def unit_question(baseline: float) -> str | None:
 
 
 def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:
-    """Returns the baseline in metres: the user's `given_m` (--baseline) if there is one, else the calibration's
-    `told_m` (0 = none). Raises ValueError, which begins with the calibration's `name`, if both are absent or differ, or
-    if the calibration's cannot be in metres."""
+    """Returns the baseline in metres: `given_m` (the user's --baseline, None = absent) if present, else `told_m` (the
+    calibration's, 0 = absent). Raises ValueError, which begins with the calibration's `name`, if both are absent or
+    differ by more than 2 %. Also raises it if only `told_m` is present and exceeds 2 m."""
     question = unit_question(told_m)
     if given_m is None:
         if told_m == 0.0:
@@ -38,8 +38,8 @@ def chosen_baseline_m(name: str, told_m: float, given_m: float | None) -> float:
 
 
 def with_baseline(name: str, left_to_right: NDArray[np.float64], given_m: float | None) -> NDArray[np.float64]:
-    """Returns a copy of the 4x4 left_to_right whose translation has the length that chosen_baseline_m() chooses. Raises
-    its ValueError."""
+    """Returns a copy of the 4x4 left_to_right. Its translation is scaled to the length that chosen_baseline_m()
+    returns; a zero translation becomes (-length, 0, 0). Raises ValueError as chosen_baseline_m() does."""
     told_m = float(np.linalg.norm(left_to_right[:3, 3]))
     baseline_m, out = chosen_baseline_m(name, told_m, given_m), left_to_right.copy()
     out[:3, 3] = left_to_right[:3, 3] * (baseline_m / told_m) if told_m > 0.0 else (-baseline_m, 0.0, 0.0)

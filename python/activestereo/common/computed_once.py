@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A method that computes its result once. Callers write parentheses, so a reader sees that work is done."""
+"""Provides a decorator for methods that compute once. Unlike a property's, their call shows a reader that work is
+done."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ _LOCK = "_computed_once_lock"
 
 
 class _Lock:
-    """Holds one lock for each object. Separate locks for an object's methods could let two threads wait for one
-    another. A pickled or copied object gets a new lock."""
+    """Holds the lock that all decorated methods of one object share. With a lock for each method, two threads could
+    wait for each other for ever. A pickled or copied object gets a new lock."""
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -24,8 +25,9 @@ class _Lock:
 
 
 def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
-    """Decorates a method without arguments: the first call on an object computes the result, and later calls return it.
-    While one thread computes, the others wait. An error is not kept. The object needs a `__dict__`."""
+    """Decorates a method without arguments: the first call on an object computes the result, later calls return it.
+    While one thread computes, the others wait. If a call raises, the next one computes again. The object needs a
+    `__dict__`."""
     name = f"_{method.__name__}_computed"
 
     @wraps(method)

@@ -26,7 +26,7 @@ class Limits:
     whole: bool = False
 
     def fault(self, value: Any) -> str | None:
-        """Returns the fault of a number in words that follow its name, or None if it is allowed."""
+        """Returns None if the value is allowed. Otherwise returns the fault as text that follows the value's name."""
         kind = "a whole" if self.whole else "a finite"
         is_number = isinstance(value, Integral if self.whole else Real) and not isinstance(value, bool)
         if not is_number or not -_LARGEST <= value <= _LARGEST:  # nor NaN, nor a whole number beyond a float's range
@@ -42,7 +42,7 @@ class Limits:
         return value
 
     def check_each(self, name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
-        """Checks one number for each of `count` environments, or one number for all, and returns [count] numbers.
+        """Checks one number for each of `count` simulation environments, or one for all, and returns [count] numbers.
         Raises ValueError with the name and the environment."""
         numbers = np.asarray(values, np.float64)
         if numbers.shape not in ((), (count,)):
@@ -83,7 +83,7 @@ NUMBER = Limits(-(2**53), 2**53, whole=True)
 
 
 def camera_matrix_fault(k: NDArray[np.float64]) -> str | None:
-    """Returns why a [3, 3] is no camera matrix, in words that follow its name; None if it is one."""
+    """Returns None if k, [3, 3], is a camera matrix. Otherwise returns the fault as text that follows its name."""
     is_one = np.isfinite(k).all() and min(k[0, 0], k[1, 1]) >= FOCAL.low and k[1, 0] == 0.0
     if is_one and np.array_equal(k[2], [0.0, 0.0, 1.0]):
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes files whole or not at all: each is written under a temporary name beside its place and then renamed."""
+"""Writes files whole or not at all: each is written under a temporary name in the same folder and then renamed."""
 
 import errno
 import io
@@ -24,22 +24,22 @@ _OF_PROCESS = f"process_{platform.node()}_"  # of this machine: process numbers 
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Replaces a file by a text in UTF-8, as replace_file() does."""
+    """Writes a text as UTF-8, in place of any older file, as replace_file() does."""
     write_bytes(path, text.encode())
 
 
 def write_json(path: str | Path, content: Any, **options: Any) -> None:
-    """Replaces a file by a value as JSON, as replace_file() does. options: of json.dumps()."""
+    """Writes a value as JSON, in place of any older file, as replace_file() does. options: for json.dumps()."""
     write_text(path, json.dumps(content, indent=1, **options) + "\n")
 
 
 def flat(array: Any) -> list[float]:
-    """Lists an array's numbers, row by row, as files in JSON have them."""
+    """Returns an array's numbers as a flat list in row-major order, for JSON files."""
     return np.asarray(array, dtype=float).ravel().tolist()
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Replaces a file by these bytes, as replace_file() does."""
+    """Writes bytes, in place of any older file, as replace_file() does."""
     replace_file(path, lambda file: file.write(content))
 
 
@@ -54,8 +54,8 @@ def finite(value: Any) -> Any:
 
 
 def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
-    """Replaces a file by the bytes that write(file) writes to a binary file. A failed write keeps the old file. Raises
-    OSError with filename `path`, because the system's error for a full disk names no file."""
+    """Calls write(file) on a new binary file, which then replaces `path`. If the write fails, the old file stays.
+    Raises OSError with filename `path`, because the system's error for a full disk names no file."""
     path = Path(path)
     check_target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")  # threads may write the same file
@@ -72,8 +72,8 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
 
 
 def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yields (name, path) of the temporary folders below `folder` that written_together() left when its process was
-    killed."""
+    """Yields (name, path) of the temporary folders in `folder` that written_together() could not remove because its
+    process was killed."""
     for path in folder.glob(f"{_UNFINISHED}*"):
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
 
@@ -91,10 +91,10 @@ def check_target(path: Path) -> None:
 
 @contextmanager
 def written_together(folder: Path, name: str = "", last: Path = Path()) -> Iterator[Path]:
-    """Yields a temporary folder for files that belong together. When the block ends, they move to the same places below
-    `folder`; a failed block leaves none. Raises OSError with the file's final place. name: lets left_over() find the
-    folder of a killed process; without a name, the next call removes it. last: the file that moves last, which marks a
-    complete set."""
+    """Yields a temporary folder for files that belong together. When the block ends, they move to the same relative
+    paths below `folder`; if the block fails, none moves. Raises OSError with the file's final path. name: under which
+    left_over() lists the folder of a killed process. Without a name, the next call removes such a folder. last:
+    relative path of the file that moves last and so marks a complete set."""
     aside = _new_aside(folder, name)
     try:
         with _named_by_place(aside, folder):
@@ -105,8 +105,8 @@ def written_together(folder: Path, name: str = "", last: Path = Path()) -> Itera
 
 
 def _new_aside(folder: Path, name: str = "") -> Path:
-    """Makes a temporary folder below `folder`, named after this process by default. Then it also removes such folders
-    of ended processes of this machine."""
+    """Makes a temporary folder in `folder`, named after `name` or, without one, after this process. Without a name, it
+    first removes the folders of this machine's ended processes."""
     if not name:
         for owner, path in left_over(folder):
             if owner.startswith(_OF_PROCESS) and not Path("/proc", owner.removeprefix(_OF_PROCESS)).exists():
@@ -117,8 +117,8 @@ def _new_aside(folder: Path, name: str = "") -> Path:
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
-    """Moves all files below `aside` to the same places below `folder`; the file `last` moves last. If one move fails,
-    it undoes the others."""
+    """Moves all files below `aside` to the same relative paths below `folder`, the file `last` at the end. If one move
+    fails, the others are undone."""
     found = (path for path in aside.rglob("*") if path.is_file())
     files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
@@ -147,8 +147,8 @@ def _move(aside: Path, folder: Path, last: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Yields a temporary folder, which is renamed to `path` when the block ends; a failed block leaves nothing. Raises
-    OSError with the file's final place, and FileExistsError if `path` exists."""
+    """Yields a temporary folder, which is renamed to `path` when the block ends. A failed block leaves nothing. Raises
+    FileExistsError if `path` exists. An OSError of the block carries the file's final path."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, "exists already: give another name", str(path))
     aside = _new_aside(path.parent)
@@ -181,7 +181,7 @@ def write_png(path: str | Path, pixels: np.ndarray) -> None:
 
 
 def png_bytes(pixels: np.ndarray | Image.Image) -> bytes:
-    """Encodes pixels as write_png() takes them, or a Pillow image, as a PNG file."""
+    """Returns the bytes of a PNG file. pixels: an array as for write_png(), or a Pillow image."""
     file = io.BytesIO()
     (pixels if isinstance(pixels, Image.Image) else Image.fromarray(pixels)).save(file, format="png")
     return file.getvalue()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Resolves the files that a capture, a model or a recording's list names. They must lie in its own folder, because the
-author of a shared folder should not choose other files to read. Links count by their targets."""
+"""Resolves file names inside a capture, a model or a list of recordings. Such a file must lie below the folder of the
+file that names it. Otherwise, whoever wrote a shared folder could make users read other files. Links count as their
+targets."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ _MAY_LEAVE = ContextVar("may_leave", default=False)
 
 @contextmanager
 def outside_allowed() -> Iterator[None]:
-    """Allows named files to lie in any folder while the block runs, as the command line's --allow-outside."""
+    """Allows named files to lie in any folder while the block runs. The command line's --allow-outside uses it."""
     token = _MAY_LEAVE.set(True)
     try:
         yield
@@ -27,8 +28,8 @@ def is_outside_allowed() -> bool:
 
 
 def own_file(folder: Path, name: str) -> Path:
-    """Returns the path of the file `name` in a folder. Raises ValueError if it does not exist, or if it lies outside
-    the folder without outside_allowed(). A file outside is then not touched."""
+    """Returns the path of the file `name`, relative to a folder. Raises ValueError if it does not exist. Outside of an
+    outside_allowed() block, also raises ValueError, without opening the file, if it does not lie below the folder."""
     path = folder / name
     try:
         inside = path.resolve().is_relative_to(folder.resolve())

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generates projector patterns: pseudo-random dots like those of the D4xx, the same on every machine.
 
-Random dots: each cell of a square grid holds one dot at a random place. In a row of cells, each group of four takes the
-four quarters of the cell height in random order. So no low, wide window lacks dots. Stereo needs unique windows
-(tested): along a row, every window of UNIQUE_WINDOW camera pixels differs from all others within the disparity range.
-The difference is at least half the energy of a mean dot. Density and size are measured on D435 and D415 images: about
-5000 dots in view, with a visible sigma of 1.2 and 1.8 pixels including the pixel's own blur.
+Random dots: each cell of a square grid holds one dot at a random position. The cell's height has four quarters. Of four
+neighbouring cells in a row, each has its dot in another quarter, so no low, wide window lacks dots. Stereo needs unique
+windows, which a test checks: every window of UNIQUE_WINDOW camera pixels differs from all others along its row within
+the disparity range. The difference is at least half the energy of a mean dot. Density and size are measured on D435 and
+D415 images: about 5000 dots in view, with a sigma of 1.2 and 1.8 pixels in the image, including the pixel's own blur.
 
-Lattices: square lattices turned against each other, as the D415 projects; dots of two lattices that meet form rosettes.
-A grating's orders are evenly spaced in the sines of their angles (grating equation), so lattices widen towards the
-border."""
+Lattices: square lattices rotated against each other, as the D415 projects; overlapping dots of two lattices form
+rosettes. A grating's orders are evenly spaced in the sines of their angles (grating equation), so lattices widen
+towards the border."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class PatternDesign:
     weakest_dot: float = 0.5  # peaks are uniform from here to 1, as on devices once falloff is taken out
     background: float = 0.02  # light between the dots, relative to the brightest peak
     seed: int = 0
-    lattice_angles_deg: tuple[float, ...] = ()  # one lattice each, turned from the rows; () = one dot a cell
+    lattice_angles_deg: tuple[float, ...] = ()  # each lattice's rotation from the rows; () = random dots
     focal_px: float = 0.0  # of the image; only for lattices
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reports the progress of work in phases, each of which has its share of the whole."""
+"""Reports the progress of work in phases, each of which counts for its usual share of the time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from activestereo.common.progress_bar import Progress, ProgressBar
 
 
 class Phases:
-    """Reports the progress of work in phases. Call the object with the fraction 0..1 of the running phase. progress: a
-    ProgressBar, which also shows the phase, or a function of the fraction of the whole. usual_s: {phase: its
-    seconds on two cores}, in order; they decide the shares. taken_s: {phase: seconds} of ended phases."""
+    """Reports the progress of work in phases. Call the object with the fraction 0..1 of the current phase. progress: a
+    ProgressBar, which also shows the phase's name, or a function of the whole's fraction 0..1. usual_s: {phase: usual
+    seconds on two cores}, in order, from which the shares follow. taken_s: {ended phase: seconds}."""
 
     def __init__(
         self, progress: Progress | None, usual_s: Mapping[str, float], clock: Callable[[], float] = time.monotonic

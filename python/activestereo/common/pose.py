@@ -16,7 +16,7 @@ CAMERA_TO_BODY.setflags(write=False)
 
 # Poses are printed with about nine digits; a rotation further off than this is a mistake, not rounding.
 _ROTATION_TOLERANCE = 1e-4
-# Other programs print as few as four.
+# Other programs print as few as four digits.
 _PRINTED_TOLERANCE = 1e-3
 
 
@@ -59,13 +59,13 @@ class Pose:
 
 
 def rigid_motion(place: ArrayLike, rotation: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> NDArray[Any]:
-    """Returns the 4x4 of a 3x3 rotation and of the place (3) to which it moves the origin."""
+    """Returns the 4x4 matrix of a rigid motion. rotation: 3x3. place: the translation (3)."""
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = rotation, place
     return out
 
 
-# A Pose, another program's, or a 4x4 array.
+# A Pose, another library's pose, or a 4x4 array.
 PoseLike: TypeAlias = HasMatrix | ArrayLike
 
 
@@ -92,9 +92,9 @@ def camera_to_camera(pose_a: PoseLike, pose_b: PoseLike) -> NDArray[Any]:
 
 
 def carried_twist(a_to_b: NDArray[Any], twist: ArrayLike) -> NDArray[Any]:
-    """Converts the twist [v, w] (6, m/s and rad/s) of a frame a to the twist of a frame b fixed to it; each is in its
-    own frame's axes. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). It is exact at any time,
-    as pose(t) = pose(0) exp(t [v, w]) for both."""
+    """Converts the twist [v, w] (6, m/s and rad/s) of frame a to the twist of frame b, which is rigidly attached to a.
+    Each twist is in its own frame's axes. This is the adjoint of a_to_b (Lynch and Park, Modern Robotics, 3.3.2). It is
+    exact at any time, as pose(t) = pose(0) exp(t [v, w]) for both."""
     twist = np.asarray(twist, dtype=np.float64)
     rotation, offset = a_to_b[:3, :3], a_to_b[:3, 3]
     angular = rotation @ twist[3:]
@@ -122,7 +122,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
 
 
 def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> str | None:
-    """Returns why a [4, 4] is no rigid motion, in words that follow its name, or None if it is one."""
+    """Returns None if the 4x4 is a rigid motion. Otherwise returns the fault as text that follows its name."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return "is not a 4x4 of finite numbers"
     if np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-9:
@@ -139,9 +139,9 @@ def rigid_fault(pose: NDArray[Any], tolerance: float = _ROTATION_TOLERANCE) -> s
 def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> NDArray[Any]:
-    """Returns the rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that were printed
-    with few digits. last_row: the last row of a printed 4x4. Raises ValueError, which begins with the name, if they are
-    no rigid motion."""
+    """Returns the rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that were rounded to
+    few digits. last_row: of a 4x4, which must be 0, 0, 0, 1. Raises ValueError, which begins with `name`, if the
+    numbers are no rigid motion."""
     pose = np.eye(4)
     try:
         pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)
@@ -191,8 +191,8 @@ _RIGID = 1e-3  # float32 physics keeps its rotations to 1e-6; a scale or a shear
 
 
 def host_array(values: Any, dtype: Any = np.float64) -> NDArray[Any]:
-    """Returns NumPy arrays, torch tensors on any device, DLPack arrays or nested lists as an array in host memory.
-    dtype: None keeps the values' own."""
+    """Converts NumPy arrays, torch tensors on any device, DLPack arrays or nested lists to a NumPy array in host
+    memory. dtype: of the result; None keeps the input's."""
     if hasattr(values, "detach"):
         values = values.detach().cpu().numpy()
     elif hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray):

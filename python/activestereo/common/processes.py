@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shares work among processes that end with the process that started them."""
+"""Distributes work over worker processes, which end when the process that started them ends."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _numbers = count()
 def process_pool(
     count: int, begin: Callable[..., object], *arguments: Any, method: Literal["spawn", "fork"] = "spawn"
 ) -> Iterator[ProcessPoolExecutor]:
-    """Yields a pool of processes that have each called begin(*arguments). They end with the block, which cancels
-    unfinished work on an error, and with this process. 'fork' shares this process's memory; GPU devices do not survive
-    it."""
+    """Yields a pool of `count` processes that have each called begin(*arguments). Leaving the block cancels work that
+    has not begun and ends the processes. They also end with this process. method: 'fork' shares this process's memory,
+    but GPU devices do not survive it."""
     pool = ProcessPoolExecutor(count, get_context(method), initializer=_begin, initargs=(begin, arguments))
     try:
         yield pool
@@ -40,9 +40,9 @@ def process_pool(
 def done_in_pools(
     pool: Callable[[], AbstractContextManager[ProcessPoolExecutor]], work: Callable[[Any], object], items: Sequence[Any]
 ) -> Iterator[tuple[int, Future[Any]]]:
-    """Runs work(item) for all items in processes and yields (index of the item, its future) as each ends. pool: makes a
-    pool. A killed process ends its pool, and a new pool continues with the rest. After three pools in a row without a
-    result, it yields the rest as failed futures."""
+    """Runs work(item) for all items in processes. Yields (index of the item, its future) as each ends. pool(): makes a
+    process pool. If a process is killed, its pool breaks, and a new pool takes the unfinished items. After three pools
+    in a row without a result, it yields the rest as failed futures."""
     left, losses = list(range(len(items))), 0
     while left:
         lost: dict[int, Future[Any]] = {}
@@ -61,11 +61,11 @@ def done_in_pools(
 
 
 def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) -> Iterator[tuple[int, Future[Any]]]:
-    """Runs work(item) for all items in forked processes and yields (index of the item, its future) as each ends. It
-    yields nothing with one item, one worker or no fork; the caller then does the work itself. Forked processes share
-    all data without a copy. Threads would not help: Python runs one at a time between NumPy calls, so sixteen take
-    longer than two. A killed process is replaced. An interrupt ends processes silently, since the caller gets it
-    too."""
+    """Runs work(item) for all items in forked processes and yields (index of the item, its future) as each ends. Yields
+    nothing for one item or one worker, without fork, or in a daemon process: the caller then does the work itself.
+    Forked processes share all data without a copy. Threads would not help: Python runs one at a time between NumPy
+    calls, so sixteen take longer than two. A killed process is replaced. An interrupt ends the processes silently,
+    since the caller gets it, too."""
     if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
         return
     number = next(_numbers)
@@ -93,8 +93,8 @@ def _begin(begin: Callable[..., object], arguments: tuple[Any, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Ends this worker when its parent process ends. The worker holds its own task pipe open, so without this it would
-    wait for ever."""
+    """Ends this worker process when its parent ends. The worker itself keeps the pipe of its tasks open, so without
+    this it would wait for ever."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -27,8 +27,8 @@ def part_of(progress: None, start: float, end: float) -> None: ...
 @overload
 def part_of(progress: Progress | None, start: float, end: float) -> Progress | None: ...
 def part_of(progress: Progress | None, start: float, end: float) -> Progress | None:
-    """Returns a progress function for the part start..end of the work, which maps that part's 0..1 to the whole's; None
-    stays None."""
+    """Returns a progress function for one part of the work. It maps the part's fraction 0..1 to start..end of the whole
+    and calls `progress`. Returns None if progress is None."""
     if progress is None:
         return None
     whole = progress

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formats users' values and names for messages, one short line whatever they hold, and suggests the known name that a
-misspelt one probably stands for."""
+"""Formats users' values and names as one short line for messages, and suggests the known name nearest to a misspelt
+one."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
-    """Prints nested values in short: at most two levels and three entries of each, because YAML's aliases make values
-    too large to print."""
+    """Abbreviates nested values to two levels and three entries each, because YAML's aliases can make values too large
+    to print."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -32,7 +32,7 @@ _short = _Short()
 
 
 def shown(value: Any) -> str:
-    """Formats a value for a message, at most 40 characters and three dots."""
+    """Formats a value for a message. Text beyond 40 characters is cut and ends in three dots."""
     text = f"{value:g}" if isinstance(value, float) else _short.repr(value)
     return text if len(text) <= _MOST_LETTERS else f"{text[:_MOST_LETTERS]}..."
 

@@ -25,9 +25,9 @@ _IGNORED = ("result", "result:")
 
 @dataclass(frozen=True)
 class Key:
-    """A key of the advanced mode, as a row of keys.toml describes it. words: allowed values of a key that is no number.
-    to: parameters that it sets here. control: GROUP.FIELD of pyrealsense2's controls, whose number is control_offset +
-    control_scale * the key's."""
+    """A key of the advanced mode: a row of keys.toml. words: allowed texts, () = any; None for a number. to: names of
+    the parameters that the key sets in this package. control: the same setting in pyrealsense2, as GROUP.FIELD. Its
+    value is control_offset + control_scale * the key's value."""
 
     name: str
     default: Value
@@ -54,13 +54,13 @@ def keys() -> dict[str, Key]:
 
 @dataclass(frozen=True)
 class AdvancedSettings:
-    """Advanced-mode settings. values: {key: value} of the keys that were given; an alias stands under the name of its
-    key."""
+    """Advanced-mode settings. values: {key: value} of the keys in the file. A key given by its alias has its main name
+    here."""
 
     values: Mapping[str, Value]
 
     def number(self, name: str) -> float:
-        """Returns a key's number: the given one, or the camera's default."""
+        """Returns a key's number from the file, or the camera's default if the file lacks the key."""
         return float(self.values.get(name, keys()[name].default))
 
     def word(self, name: str) -> str:
@@ -71,8 +71,7 @@ class AdvancedSettings:
         return any(name in self.values and self.values[name] != keys()[name].default for name in names)
 
     def as_text(self) -> dict[str, str]:
-        """Returns the values as text, as librealsense writes them: every param- and aux-param- key, and the other given
-        keys."""
+        """Returns {key: text} as librealsense writes it: all param- and aux-param- keys, and the file's other keys."""
         whole = {name: key.default for name, key in keys().items() if name.startswith(("param-", "aux-param-"))}
         return {
             name: (value if isinstance(value, str) else f"{value:.6g}")
@@ -164,7 +163,8 @@ class DepthTable:
 
 
 def matcher_parameters(settings: AdvancedSettings, base: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns simsense's matcher parameters: `base`, the camera's for 8-bit images, changed by the settings."""
+    """Returns simsense's matcher parameters: `base`, the camera's defaults for 8-bit images, with the settings
+    applied."""
     out = dict(base)
     changed, number = settings.is_changed, settings.number
     share = {n: number(n) / float(keys()[n].default) for n in _SCALED}  # a key's number over the camera's default
