@@ -3,9 +3,9 @@
 kelvin.
 
 The scene need not be known. Frames with the projector off show the room's light; the other frames less these show the
-dots. Each frame's difference from the mean is fitted by a sum of derivative images of both lights. They stand for the
-library's own effects and for other movements (mount, lamps). The fitted sizes over temperature are lines. Their
-deviations account for correlated errors of successive frames."""
+dots. Each frame's difference from the mean frame is fitted by a sum of derivative images. One shows how the image
+changes with one parameter, of the library's effects or of other movements (mount, lamps). A line over temperature is
+fitted to each parameter; its slope is the drift. Its deviation accounts for correlated errors of successive frames."""
 
 from __future__ import annotations
 
@@ -46,8 +46,7 @@ Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][wi
 
 @dataclass(frozen=True)
 class Slope:
-    """A parameter's change per kelvin with its standard deviation and unit. moves: whether the change stands out from
-    the frames' scatter."""
+    """A parameter's change per kelvin with its standard deviation and unit. moves: whether it exceeds 4 deviations."""
 
     name: str
     value: float
@@ -140,7 +139,8 @@ def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
 
 
 def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> list[Frame]:
-    """Returns the frames that have a temperature, in order of time. temperatures: as for calibrate_drift()."""
+    """Returns the frames that have a temperature, ordered by time. temperatures: as for calibrate_drift(); frames
+    outside the file's range of time are left out."""
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:
         try:
@@ -190,8 +190,8 @@ def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple
 
 
 def _per_kelvin(capture: Capture, frame: Frame, side: str, layers: Layers, name: str) -> Matrix:
-    """Computes the change of one camera's image [height, width] if the sensor is one kelvin warmer, per unit of an
-    effect's parameter. name: 'effect.parameter'. layers: the dots' and the room's light."""
+    """Computes the derivative of one camera's image [height, width] by an effect's parameter, with the sensor one
+    kelvin warmer than the reference. name: 'effect.parameter'. layers: the dots' and the room's light, DN."""
     effect, key = builtin()[name.split(".")[0]], name.split(".")[1]
     typical = next(p.typical for p in effect.parameters if p.name == key)
     rig, nothing = capture.rig, np.zeros_like(layers[0])

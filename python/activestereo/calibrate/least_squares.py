@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Helps least squares over numbers and rigid motions: conversions, and standard deviations of the results."""
+"""Converts rigid motions to vectors and back for least squares, and computes standard deviations of the results."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ INTERVAL_90 = 1.6449
 
 
 def motion(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Converts a rotation vector (3, radians) and a translation (3, metres), in one vector [6], to a 4x4."""
+    """Returns the 4x4 of a vector [6]: rotation vector (3, radians), then translation (3, metres)."""
     return rigid_motion(np.ravel(vector[3:]), Rotation.from_rotvec(np.ravel(vector[:3])).as_matrix())
 
 
 def vector(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverts motion(): converts a 4x4 to a rotation vector and a translation [6]."""
+    """Returns the vector [6] of a 4x4: rotation vector (3, radians), then translation (3, metres)."""
     return np.concatenate([Rotation.from_matrix(pose[:3, :3]).as_rotvec(), pose[:3, 3]])
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cuts pictures of an object out of a capture, renders the same views under candidate materials, each light alone so
-that intensities follow by linear least squares, and finds the best materials near a candidate. Infrared images are in
-DN; colour images are made linear (IEC 61966-2-1) and stay 0..1.
+"""Finds the best materials of an object near a candidate. Pictures of the object are cut out of a capture, and the same
+views are rendered under candidate materials. Each light is rendered alone, so its intensity follows by linear least
+squares. Infrared images are in DN; colour images are made linear (IEC 61966-2-1) and stay 0..1.
 
 loss = colour + lambda infrared. Each is the square of the residual, in standard deviations, plus that of an oriented
-filter bank (derivatives of Gaussians of two sizes, four directions). Squares are products of the residuals of two
-halves of the samples, so the renderer's noise has no part in their mean. The plain square would prefer rough surfaces,
-which render with less noise.
+filter bank's responses (derivatives of Gaussians of two sizes, four directions). A square is the product of two
+residuals, each rendered with half of the samples, so the renderer's noise cancels in the mean. The plain square would
+prefer rough surfaces, which render with less noise.
 
 Gauss-Newton takes its derivatives from designed sets of renders, since renderer noise hides the difference of two
 renders close to each other. In a two-level design with its mirror image (Plackett and Burman 1946; Box and Wilson
@@ -47,8 +47,9 @@ _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)[..., None]
 @dataclass(frozen=True)
 class Picture:
     """A recorded picture of the object and its surroundings. seen: float32 [height, width, channel]. usable: mask of
-    unsaturated pixels. sigma: standard deviation of noise and model error, in the shape and unit of `seen`.
-    lit: whether the projector was on. surface: [height, width], 1 + index of the object's surface, 0 around it."""
+    unsaturated pixels. sigma: standard deviation of noise and model error, in the shape and unit of `seen`. lit:
+    whether the projector was on. camera: of the cut-out. pose: 4x4 camera_to_world. surface: [height, width], 1 + index
+    of the object's surface, 0 around it."""
 
     name: str
     band: Literal["infrared", "visible"]
@@ -152,8 +153,8 @@ def _picture(
     scene: MaterialScene, camera: Camera, name: str, seen: NDArray, lit: bool | None, pose: NDArray[np.float64],
     surfaces: Sequence[int], highest: float,
 ) -> list[Picture]:  # fmt: skip
-    """Cuts the object out of an image and scales it down; empty if the object is out of view. lit: None for a colour
-    image. highest: the saturated value."""
+    """Returns [the Picture of the object, cut out of an image and scaled down], or [] if the object is out of view.
+    lit: None for a colour image. highest: the saturated value."""
     box = _box(scene, camera, pose, surfaces)
     if box is None:
         return []
@@ -216,8 +217,8 @@ _HUBER = 4.0
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of one candidate, a set of material values. first, second: differences of recorded and rendered
-    pictures, from two independent halves of the samples, in standard deviations times weights. Large differences count
+    """Residuals of one candidate, a set of material values. first, second: rendered minus recorded pictures, in
+    standard deviations times weights, each from an independent half of the samples. Weights let large differences count
     as their square root. loss: mean of first x second, never below 0 on average."""
 
     first: NDArray[np.float64]
@@ -230,10 +231,10 @@ class Residuals:
 
 
 class MaterialFit:
-    """Computes residuals of candidate materials. A candidate theta holds the values of `parameters`, pairs (material's
-    number, name). The names are PARAMETERS for each surface. COLORS are added if there are colour images and the
-    surface has no colour (white, without a texture). A colour that is found once and then held would hide gloss in
-    it."""
+    """Computes residuals of candidate materials. A candidate theta is a vector of values, one for each of `parameters`,
+    which are pairs (material's number, name). The names are PARAMETERS for each surface. COLORS are added if there are
+    colour images and the surface has no colour (white, without a texture). The colour is fitted with each candidate
+    anew: a fixed one would contain part of the gloss."""
 
     def __init__(
         self, scene: MaterialScene, pictures: Sequence[Picture], surfaces: Sequence[int], seed: int = 0
@@ -264,8 +265,8 @@ class MaterialFit:
     def residuals(
         self, theta: NDArray[np.float64], samples: int, weights: NDArray[np.float64] | None = None
     ) -> Residuals:
-        """Renders a candidate and compares it with the recorded pictures. samples: per pixel in each half. weights:
-        those of another candidate's residuals, if both are to be differenced; None: its own."""
+        """Renders a candidate and compares it with the recorded pictures. samples: per pixel in each half. weights: of
+        another candidate's residuals, if both are to be subtracted; None: computed here."""
         self.set(theta)
         self.renders += 1
         halves: tuple[list[NDArray], list[NDArray], list[NDArray]] = ([], [], [])
@@ -323,8 +324,8 @@ class MaterialFit:
         return out
 
     def _compare(self, picture: Picture, image: NDArray) -> NDArray[np.float64]:
-        """Returns the picture's differences from a rendered image in standard deviations, followed by a filter bank's
-        responses to them. Both are linear in the image, because only then do two halves' noises cancel in the mean."""
+        """Returns a rendered image minus the picture, in standard deviations, followed by a filter bank's responses to
+        it. Both are linear in the image, because only then does the noise of two halves cancel in the mean."""
         rest = np.where(picture.usable[..., None], (image - picture.seen) / picture.sigma, 0.0)
         parts = [rest.ravel()]
         for size in _SIZES_PX:

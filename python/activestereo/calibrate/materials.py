@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures an object's materials from a capture. A wide search by successive halving (Jamieson and Talwalkar 2016)
-comes first. Then Gauss-Newton steps follow from three starts: the best candidate, the best of another roughness, and
-the scene's own values. Parameters that the pictures do not determine are named, and not written."""
+"""Measures an object's materials from a capture. A search over the whole range by successive halving (Jamieson and
+Talwalkar 2016) comes first. Gauss-Newton steps then start at three candidates: the best, the best of another roughness,
+and the scene's own values. Parameters that the pictures do not determine are reported, but not written."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ _METAL = 0.9
 @dataclass(frozen=True)
 class Materials:
     """The measured materials of an object. found: {surface: {parameter: Quantity}} of determined parameters.
-    undetermined: {surface: names}. loss: mean square of the residuals in deviations, before and after. renders: number
-    of rendered candidates. colors: linear RGB of surfaces without a colour in the scene."""
+    undetermined: {surface: names}. loss: mean product of the residuals' halves, for the scene's own materials and for
+    the found ones. renders: number of rendered candidates. pictures: names. colors: linear RGB of surfaces without a
+    colour in the scene."""
 
     object_name: str
     found: dict[str, dict[str, Quantity]]
@@ -135,7 +136,8 @@ def calibrate_materials(
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
-    """Searches the whole range of the parameters by successive halving. Returns the best candidates, best first."""
+    """Searches the whole range of the parameters by successive halving. nominal: the scene's own values, a candidate,
+    too. Returns the last candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
     unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
     # Few materials are between metal and not, or half clear.

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures the imager's temporal noise from frames of static views. Static speckle, fixed patterns and a pixel's own
-gain are the same in every frame: they never show here.
+gain are the same in every frame, so they do not show here.
 
-Two models; s is a pixel's mean count above black, DN:
+There are two models; s is a pixel's mean count above black, DN:
 
     gamma   y = black + s G + N(0, sigma), G ~ Gamma(k, 1/k)     Zhang et al. 2023: speckle's factor and a Gaussian
     shot    y = black + K Poisson(s/K) + N(0, sigma)          photons and read noise, EMVA 1288's linear model
 
 Both are rounded and clipped. A count at an end of the range is censored: its probability is that of all values beyond.
-The paper's theta cannot be measured, for (clean, theta) and (c clean, theta / c) give the same counts: theta = 1 / k.
+The paper's theta cannot be measured, for (clean, theta) and (c clean, theta / c) give the same counts. It is 1/k here.
 
-The evidence is each pixel's histogram of counts. Its mean s is unknown and integrated out over a grid as fine as the
-mean's own error, so pairs of frames serve as well as many repeats. Pixels of dark frames share an offset of their own
-in place of s, normally distributed about the black level, because unequal pixels (DSNU) are no noise.
+The data are each pixel's histogram of counts. The unknown mean s is integrated out over a grid as fine as the standard
+error of the mean, so pairs of frames serve as well as many repeats. A pixel of dark frames has an unknown offset in
+place of s, normally distributed about the black level, because differences between pixels (DSNU) are no noise.
 
 The fit is maximum a posteriori, with 90 % intervals of the curvature."""
 
@@ -55,8 +55,8 @@ _NOTE = "Static speckle and fixed patterns are the same in every repeat: they ne
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """One of both noise models. kind: "gamma" or "shot". shape: k of the gamma model, or K in DN per electron.
-    sigma_dn: the Gaussian's standard deviation."""
+    """A noise model with its parameters. kind: "gamma" or "shot". shape: k of the gamma model, or K of the shot model
+    in DN per electron. sigma_dn: the Gaussian's standard deviation. black_dn: the black level."""
 
     kind: str
     shape: float
@@ -64,7 +64,7 @@ class NoiseModel:
     black_dn: float
 
     def variance(self, signal: Any) -> Any:
-        """Returns the variance in DN^2, before rounding, at a mean count above black."""
+        """Returns the variance in DN^2, before rounding, of counts whose mean is `signal` DN above black."""
         return self.sigma_dn**2 + (signal**2 / self.shape if self.kind == "gamma" else self.shape * signal)
 
     def log_probabilities(
@@ -101,9 +101,10 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Histograms of each pixel's counts, sparse [pixel, bin], and of dark frames' pixels, or None. means, variances: of
-    the pixels' counts. dsnu_dn: standard deviation of the dark pixels' own offsets. dark_dn: mean and deviation of dark
-    counts, or of the darkest. black_dn: a known black level."""
+    """The data to fit. histograms: of each pixel's counts, sparse [pixel, bin]. means, variances: of the pixels'
+    counts. dark: histograms of the dark frames' pixels, or None. dsnu_dn: standard deviation of the dark pixels'
+    offsets. dark_dn: mean and deviation of dark counts, or of the darkest pixels'. black_dn: the known black level;
+    None = fitted."""
 
     histograms: csr_matrix
     means: np.ndarray
@@ -119,7 +120,7 @@ class _Evidence:
         return -(-(self.max_dn + 1) // _LARGEST_BINS)
 
     def density(self, model: NoiseModel) -> np.ndarray:
-        """Returns each pixel's log probability (nats) [pixel] under a noise model; the dark pixels' is shared out."""
+        """Returns each pixel's log probability (nats) [pixel] under a model, plus an equal part of the dark pixels'."""
         repeats = self.histograms.sum(axis=1).max()
         top = 1.1 * max(float(self.means.max()) - model.black_dn, 1.0)
         top += 6.0 * np.sqrt(model.variance(self.means.max()) / repeats)
@@ -141,8 +142,8 @@ class _Evidence:
         return np.asarray(own + dark / len(own))
 
     def fit(self, kind: str) -> tuple[NoiseModel, np.ndarray, Callable[[np.ndarray], float]]:
-        """Finds the most probable noise model of a kind. Returns (it, the unknowns log shape, log sigma and black if it
-        is not known, and the cost of unknowns in nats)."""
+        """Finds the most probable noise model of a kind. Returns (the model, unknowns, cost). The unknowns are log
+        shape, log sigma and, unless it is known, black. cost(unknowns) is in nats."""
 
         def model_of(x: np.ndarray) -> NoiseModel:
             shape, sigma = np.exp(np.clip(x[:2], _LOW, _HIGH))
@@ -168,10 +169,10 @@ class _Evidence:
 @dataclass(frozen=True)
 class Noise:
     """The measured noise. noise_model: the more probable one. error: standard deviations of log shape, log sigma and
-    black. margin_nats: by how much it is more probable, per pixel, with its standard error (Vuong 1989). clipped_share:
-    share of all counts that clip. black_from: source of the black level. dsnu_dn: spread of the dark pixels' offsets,
-    None without dark frames. transfer: (exposure x gain, mean, variance in DN^2) of unclipped pixels at each exposure,
-    if there are several."""
+    black. margin_nats: mean over pixels of its log probability less the other model's, and the standard error (Vuong
+    1989). clipped_share: share of all counts that clip. black_from: source of the black level. dsnu_dn: standard
+    deviation of the dark pixels' offsets, None without dark frames. transfer: (exposure x gain, mean, variance in DN^2)
+    of unclipped pixels at each exposure, if there are several."""
 
     noise_model: NoiseModel
     error: np.ndarray
@@ -237,10 +238,10 @@ def calibrate_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, seed: int = 0,
     progress: Callable[[float], object] | None = None,
 ) -> Noise:  # fmt: skip
-    """Measures the Noise of repeats, which are given or read from a path: a folder, stack or capture, or a descriptor
-    file of EMVA 1288 (.txt), which lists dark frames, too. dark: repeats without any light. seed: chooses the pixels
-    that are used. Raises ValueError with file, number and remedy: fewer than 10 frames, repeats that move, clipped
-    views, dark frames that are not dark."""
+    """Measures the Noise. frames: repeats, or the path of a folder, stack, capture or EMVA 1288 descriptor file (.txt),
+    which lists dark frames, too. dark: repeats without any light, or their path. seed: of the random choice of pixels.
+    Raises ValueError with file, number and remedy for fewer than 10 frames, repeats that move, clipped views, and dark
+    frames that are not dark."""
     tell, darks = progress or (lambda fraction: None), list[Repeats]()
     if isinstance(frames, list):
         views = frames
@@ -295,8 +296,8 @@ def calibrate_noise(
 def _gather(
     views: list[Repeats], darks: list[Repeats], max_dn: int, black_dn: float | None, rng: np.random.Generator
 ) -> _Evidence:
-    """Picks pixels of each view, spread evenly over the logarithm of their mean count, and of the dark frames at
-    random. Pixels that mostly clip are left out."""
+    """Picks pixels of each view, evenly over the logarithm of their mean count, and random pixels of the dark frames.
+    Pixels that mostly clip are left out. Raises ValueError if most of a view's do, or if dark frames are not dark."""
     wanted = int(np.clip(_COUNTS / max(len(view.counts) for view in views), _FEWEST_PIXELS, _MOST_PIXELS))
     lit, dark = list[np.ndarray](), list[np.ndarray]()  # [pixel][repeat] of each view
     for view in views:
@@ -340,8 +341,8 @@ def _gather(
 
 
 def _black_of_exposures(views: list[Repeats], max_dn: int) -> float | None:
-    """Extrapolates the mean of a view's unclipped pixels to exposure 0 by a line. None if no view has several
-    exposures."""
+    """Returns the black level in DN: a view's mean over unclipped pixels, extrapolated to exposure 0 by a line; the
+    median over views. Returns None if no view has several exposures."""
     of: dict[str, list[Repeats]] = {}
     for view in views:
         if view.exposure_gain is not None:

@@ -2,11 +2,11 @@
 """Measures the projector's pattern from frames of a flat wall: each dot's direction and power, and the projector's
 position.
 
-Dots are found in the averaged images of both cameras (wall.py) and lie on the wall's plane (wall.py). Two distances
-give each dot a line; the projector is at the point where the lines meet. With one distance its position stays nominal.
+Dots are found in the averaged images of both cameras and lie on the wall's plane (both in wall.py). A dot seen on walls
+at two distances gives a line; the lines meet at the projector. With one distance its position stays nominal.
 
-A dot's power follows from its image. The camera sees radiance, which falls with distance and angle to projector and
-camera: power_factor() in wall.py corrects that. wall.py also finds the light between the dots."""
+A dot's power follows from its flux in the image, which also depends on the distances and angles of projector and
+camera. power_factor() in wall.py corrects that. wall.py also finds the light between the dots."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,8 +46,8 @@ _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 
 @dataclass(frozen=True)
 class WallView:
-    """The wall at one distance: whole spots of each camera, spots cut by the images' borders, the wall's plane, and the
-    exposure."""
+    """The wall at one distance. spots, cut: {side: Spots}, whole ones and those cut by the image's border. wall: its
+    plane and points. exposure_s: seconds."""
 
     name: str
     spots: dict[str, Spots]
@@ -188,8 +188,8 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
 
 
 def _align_right_spots(right: Spots, rig: CaptureRig) -> Spots:
-    """Moves the right camera's spots to their positions in a camera with axes parallel to the left one's. A measured
-    rig is slightly rotated."""
+    """Rotates the right camera's spots: returns their pixels in a camera with the same origin and K whose axes are
+    parallel to the left one's. A measured rig's cameras are slightly rotated."""
     H = rig.right.K @ rig.left_to_right[:3, :3].T @ np.linalg.inv(rig.right.K)
     u, v, w = H @ np.stack([right.u, right.v, np.ones(len(right))])
     return replace(right, u=u / w, v=v / w)

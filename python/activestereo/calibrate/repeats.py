@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads frames of static views: repeats, pairs at steps of light, dark frames; refuses those that move or drift."""
+"""Reads frames of static views: repeats, pairs of frames at several light levels, and dark frames. Rejects views that
+move or drift."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +28,8 @@ class Repeats:
 
 
 def read_repeats(path: Path) -> list[Repeats]:
-    """Reads every static view under `path`. Raises ValueError if there is none, if one has a single frame, or if sizes
-    differ."""
+    """Reads every static view under `path`: a .npy stack, a capture, or a folder of PNG files or of such folders.
+    Raises ValueError if there is none, if one has a single frame, or if image sizes differ."""
     if path.suffix == ".npy":
         views = [Repeats(path.name, read_npy(path, "stack", "frame", "height", "width"), None, path.name)]
     elif path.name == "capture.json" or (path / "capture.json").is_file():
@@ -73,9 +74,9 @@ def _read_capture(path: Path) -> list[Repeats]:
 
 
 def read_steps(path: Path) -> tuple[list[Repeats], list[Repeats]]:
-    """Reads two frames of each step of even light, and of dark ones, that a descriptor file of EMVA 1288 lists ("b
-    EXPOSURE PHOTONS" or "d EXPOSURE", each followed by its frames, "i IMAGE"). Leaves out steps above 70 % of
-    saturation (Release 4.0 Linear, 6.6). Raises ValueError with file, line and remedy."""
+    """Returns (lit, dark): two frames of each light level, and of each dark exposure, from a descriptor file of EMVA
+    1288. It has lines "b EXPOSURE PHOTONS" or "d EXPOSURE", each followed by its frames, "i IMAGE". Leaves out levels
+    above 70 % of saturation (Release 4.0 Linear, 6.6). Raises ValueError with file, line and remedy."""
     steps: dict[str, list[tuple[str, list[Path]]]] = {"b": [], "d": []}
     lit: list[Repeats] = []
     dark: list[Repeats] = []

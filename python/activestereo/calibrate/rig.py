@@ -75,8 +75,8 @@ class Board:
         return cls(kind, columns, rows, *lengths)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Finds the board's corners in an 8-bit image: (board points [n, 3] in metres, pixels [n, 2]); None if fewer
-        than 8 are visible."""
+        """Finds the board's corners in an 8-bit image. Returns (board points [n, 3] in metres, pixels [n, 2]), or None
+        if fewer than 8 are found."""
         if self.kind != "chessboard":
             found = self._find_markers(image)
             return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
@@ -228,7 +228,8 @@ def calibrate(
     views: list[BoardView], size: tuple[int, int], has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
     bit_depth: int = 8,
 ) -> Calibration:  # fmt: skip
-    """Computes the Calibration from boards' corners. False detections are dropped, and the rest is fitted again."""
+    """Computes the Calibration from boards' corners. Views with 5 times the median RMS are false detections: they are
+    dropped, and the rest is fitted again."""
     result, rms = _bundle(views, size, has_lens, known_K, bit_depth)
     limit = _OUTLIER * float(np.median(list(rms.values())))
     good = [view for view in views if rms.get(view.name, 0.0) <= limit]

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the spots of a dot pattern in an image, places those of both cameras on a flat wall in space, and measures the
+"""Finds the spots of a dot pattern in an image, locates those of both cameras on a flat wall in space, and measures the
 projector's light between its dots.
 
-All spots are fitted jointly as Gaussians; then the residual is searched for merged spots.
+All spots are fitted jointly as Gaussians; then the residual is searched for spots that were fitted as one.
 
     image = background + sum of a_i exp(-|x - x_i|^2 / (2 sigma^2)) + noise
 
 All spots share one sigma. Positions, amplitudes and sigma are fitted by Gauss-Newton on a sparse Jacobian, weighted by
 the noise.
 
-The wall is a plane in disparity, and a spot's position the best estimate from both cameras. Between the dots a camera
-counts its black level, the room's light and the projector's light. Only the projector's light differs between walls at
-two distances: it falls with the distance's square.
+The wall is a plane, so disparity is linear in the pixel. A spot's position combines both cameras' measurements. Between
+the dots a camera counts its black level, the room's light and the projector's light. Only the projector's light differs
+between walls at two distances: it falls with the square of the distance.
 
     counts = constant of the camera + background * (pattern pixels per camera pixel) / power_factor()
 """
@@ -48,8 +48,8 @@ _ONE_SPOT = 0.9
 
 @dataclass(frozen=True)
 class Spots:
-    """Spots of an image. u, v: centres, pixels. flux: a spot's integral, DN px^2. sigma_px: width that includes the
-    pixel's own. background: the image without spots."""
+    """Spots of an image. u, v: centres, pixels. flux: a spot's integral, DN px^2. sigma_px: the common width, which
+    includes the pixel's own blur. background: the image without spots, DN [height, width]."""
 
     u: np.ndarray
     v: np.ndarray
@@ -62,7 +62,7 @@ class Spots:
 
     @property
     def border_px(self) -> int:
-        """Distance from the image's border within which a spot is cut by it."""
+        """Distance from the image's border, pixels, within which the border cuts off part of a spot."""
         return _reach(self.sigma_px)
 
     @property
@@ -192,7 +192,7 @@ class _Fit:
         self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
     def drop_weak(self) -> None:
-        """Drops spots far weaker than their neighbours or within the noise, and merges two spots at one place."""
+        """Drops spots far weaker than their neighbours or within the noise, and merges spots closer than 0.9 sigma."""
         tree = cKDTree(np.column_stack([self.u, self.v]))
         _, near = tree.query(tree.data, k=min(30, len(self.u)))
         keep = self.amplitude > _LEAST_AMPLITUDE * np.median(self.amplitude[near], axis=1)
@@ -239,9 +239,9 @@ _ROUNDS = 8
 @dataclass(frozen=True)
 class Wall:
     """A flat wall with spots. plane: [n, d] with n . X = d in the left camera's frame, metres. points: [spot, 3], of
-    the left camera's spots. points_if_off: [3, spot, 3], the points if the plane were one standard deviation off, along
-    each of its three independent errors. is_seen_by_both: mask of spots. flatness_px: RMS of the matched spots'
-    disparity off the plane."""
+    the left camera's spots. points_if_off: [3, spot, 3]. The plane's error has three independent components; these are
+    the points after a shift of each by one standard deviation. is_seen_by_both: mask of spots. flatness_px: RMS
+    distance of the matched spots' disparities from the plane."""
 
     plane: np.ndarray
     points: np.ndarray
@@ -382,10 +382,10 @@ def background_samples(
     background: NDArray[np.float64], plane: NDArray[np.float64], K: NDArray[np.float64], camera_m: NDArray[np.float64],
     to_common: float, projector: ProjectorView,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Returns (counts, their gain per unit of background) of a wall's pixels within the pattern. background: [height,
-    width], DN, the image without its dots. plane: [n, d] with n . X = d in the left camera's frame, metres. K,
-    camera_m: the camera's K, and its origin in that frame. to_common: factor from this wall's powers to the first
-    wall's."""
+    """Returns (counts, gains) of a wall's pixels within the pattern. A gain is the count per unit of the pattern's
+    light between dots. background: [height, width], DN, the image without its dots. plane: [n, d] with n . X = d in the
+    left camera's frame, metres. K, camera_m: the camera's K, and its origin in that frame. to_common: factor from this
+    wall's powers to the first wall's."""
     height, width = background.shape
     rows, columns = (np.arange(_BORDER_PX, size - _BORDER_PX, _STRIDE_PX) for size in (height, width))
     v, u = (part.ravel() for part in np.meshgrid(rows, columns, indexing="ij"))

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Provides a decorator for methods that compute once. Unlike a property's, their call shows a reader that work is
-done."""
+"""Provides a decorator for methods that compute once. Callers write parentheses, so a reader sees that work is done."""
 
 from __future__ import annotations
 
@@ -25,8 +24,8 @@ class _Lock:
 
 
 def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
-    """Decorates a method without arguments: the first call on an object computes the result, later calls return it.
-    While one thread computes, the others wait. If a call raises, the next one computes again. The object needs a
+    """Decorates a method without arguments: the first call on an object computes the result, later ones return it.
+    Other threads wait for the first call. If a call raises, the next one computes again. The object needs a
     `__dict__`."""
     name = f"_{method.__name__}_computed"
 

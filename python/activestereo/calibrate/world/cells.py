@@ -72,8 +72,8 @@ class RoomImage:
 
 @dataclass(frozen=True)
 class Places:
-    """Positions of image a's pixels in image b, arrays of a's size. column, row: pixels of b. seen: mask of the pixels
-    whose surface b shows, too."""
+    """Positions in image b of the surface that each pixel of image a shows; arrays of a's size. column, row: pixels of
+    b. seen: mask of the pixels whose surface is visible in b, too."""
 
     column: Image
     row: Image
@@ -87,10 +87,9 @@ class Places:
 class Room:
     """The images of one scene's views with depth, and the positions of their pixels in each other.
 
-    capture: as `calibrate world` writes it. frames: ids of the views; None: the first four of its scene. judged: the
-    first so many views show the camera under test; the others show the same camera when it was good. joint: names and
-    covariance of what the judged session's calibration told.
-    """
+    capture: as `calibrate world` writes it. frames: ids of the views; None: the first four training frames with a
+    measured pose. judged: number of views, at the start of the list, from the camera under test. Later views are of the
+    same camera when it was good. joint: parameter names and covariance from the tested session's calibration."""
 
     def __init__(self, capture: Capture, frames: list[int] | None = None) -> None:
         told = capture.measured.get("poses", {}).get("frames")
@@ -124,7 +123,7 @@ class Room:
         return len(self.frames)
 
     def name(self, view: int) -> str:
-        """Returns a view's name in `joint`: its frame's id; views of a good session have none there."""
+        """Returns a view's name: its frame's id, as in `joint`, or 'good ID' for a view of the good session."""
         return f"good {self.frames[view].id}" if view >= self.judged else str(self.frames[view].id)
 
     def _image(self, number: int, frame: Frame, side: str, depth_m: Image, pattern: Image) -> RoomImage:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The joint covariance of what `calibrate world` measures, kept in a capture with the names of its parameters.
 
-Camera and poses are one block, of one solve; exposures, falloff and black level another; the right camera and the
-projector have their own. Blocks are independent: depth tells the first, light the second.
+One solve gives camera and poses, whose covariance is one block; exposures, falloff and black level are another; the
+right camera and the projector have their own. Blocks are independent: depth gives the first, light the second.
 
 focal length    relative        turn x|y|z ID, move x|y|z ID    rad, m, of the frame's camera, in its own axes
 cx, cy          px              exposure ID                     relative to the first frame's
@@ -27,7 +27,7 @@ _LEAST = 1e-9  # of an eigenvalue, as a share of the variances
 
 
 def block(parameters: Sequence[str], covariance: NDArray[np.float64]) -> dict[str, Any]:
-    """Returns a step's block as it is kept, of the parameters that are known at all."""
+    """Returns a step's covariance block as a capture stores it, without parameters of zero or infinite variance."""
     known = np.flatnonzero(np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0.0))
     covariance = covariance + np.diag(_LEAST * np.diag(covariance))  # a jackknife over few scenes has not full rank
     return {"parameters": [parameters[k] for k in known], "covariance": covariance[np.ix_(known, known)].tolist()}

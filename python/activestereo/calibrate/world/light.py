@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the albedo of surfaces and the room's light reflected by them, as images of each view, free of exposure and
-lens falloff.
+"""Measures two images of each view: the albedo of surfaces and the room's light that they reflect. Both are free of
+exposure and lens falloff.
 
 The dots' amplitude is albedo times the projector's irradiance. The image without the dots is the room's light off the
 surface. A surface in two views has one albedo and one room light. So the views' ratios give each view's exposure and
-the lens's falloff, cos^n of the angle, and both are divided out. Ratios are of the whole light: dots are taken out
-imperfectly, by more where they are small, which bends the ratios towards the edges of the images."""
+the lens's falloff, cos^n of the angle, and both are divided out. Ratios are of the whole light, dots included. Dots are
+removed imperfectly, most so where they are small, which would bias the ratios towards the images' edges."""
 
 from __future__ import annotations
 
@@ -102,9 +102,9 @@ class LightEstimate:
 
 
 def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
-    """Estimates (black level, its deviation), DN, from the darkest counts. It takes the one count at which images end
-    abruptly. Otherwise all levels up to the darkest thousandth, and the noise above it, are equally likely: a scene may
-    have nothing black."""
+    """Estimates (black level, its deviation), DN, from the darkest counts. If images' histograms end abruptly, three in
+    four of them at the same count, it is that count. Otherwise it is uniform between 0 and the darkest thousandth plus
+    noise: a scene may have nothing black."""
     counts = [np.bincount(np.rint(image).astype(int).ravel()) for view in views for image in (view.left, view.right)]
     floors = [floor for count in counts if (floor := _floor(count)) is not None]
     if floors and np.mean(np.array(floors) == np.median(floors)) >= _LEAST_ALIKE:
@@ -114,9 +114,9 @@ def black_level(views: Sequence[SceneView]) -> tuple[float, float]:
 
 
 def response_of(views: Sequence[SceneView], max_dn: float) -> tuple[float, float] | None:
-    """Returns (log of the response's exponent, black level in DN) from views of one place at different stated
-    exposures; None without such views. There, each pixel's light above black grows as (ratio of exposures)^exponent,
-    whatever the scene, its lights and the lens are."""
+    """Returns (log of the response's exponent, black level in DN); None without two views of one place at different
+    stated exposures. Between such views, each pixel's light above black grows by (ratio of exposures)^exponent. This
+    holds for every scene, light and lens."""
     told = []
     for a, b in itertools.combinations(views, 2):
         ratio = float(np.log(b.frame.exposure_gain / a.frame.exposure_gain))
@@ -141,7 +141,7 @@ def _floor(count: NDArray[np.int64]) -> int | None:
 
 
 def darkness(pattern: PatternEstimate) -> float:
-    """Returns the offset that, added to the pattern's image, makes its value between dots 0."""
+    """Returns the offset to add to the pattern's image so that its value between dots is 0."""
     return -float(np.nanquantile(pattern.image, _BETWEEN_DOTS))
 
 
@@ -243,8 +243,8 @@ def solve_light(
 def _log_ratio(
     here: NDArray[np.float64], there: NDArray[np.float64], black_dn: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compares the light (DN) of the same places in two views, `here` and `there`. Returns (minus the derivative
-    of log(there / here) by the black level, that log ratio). The log ratio is infinite where it is too dark."""
+    """Compares the light (DN) of the same surfaces in two views, `here` and `there`. Returns (minus the derivative of
+    log(there / here) by the black level, that log ratio). The log ratio is infinite where either is too dark."""
     up, down = np.maximum(there - black_dn, 0.5), np.maximum(here - black_dn, 0.5)
     usable = np.minimum(here, there) > black_dn + _LEAST_LIGHT_DN
     return 1.0 / down - 1.0 / up, np.where(usable, np.log(up / down), np.inf)
@@ -253,9 +253,9 @@ def _log_ratio(
 def _ratios(
     views: Sequence[LightView], poses: Sequence[Pose], K: NDArray[np.float64], a: int, b: int
 ) -> NDArray[np.float64]:
-    """Samples places that views a and b both show. Returns [n, 6]: a, b, light in a and in b (DN), the dots' part of b
-    as far from the projector as in a, the log ratio per unit of falloff exponent, the image block's number. Errors
-    within a block are correlated."""
+    """Samples surfaces that views a and b both show. Returns [n, 6] with these columns: a; b; light in a and in b, DN;
+    the log ratio per unit of falloff exponent; the image block's number. The dots' part of the light in b is scaled to
+    the projector's distance and angle in a. Errors within a block are correlated."""
     first, second = views[a], views[b]
     column, row, same = seen_by(first, second, np.linalg.inv(poses[b]) @ poses[a], K)
     at = np.flatnonzero(same & first.known)[::11]

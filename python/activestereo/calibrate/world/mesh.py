@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the measured scene as a glTF file. Each view's surface is a mesh with its own albedo and room light, without
-the parts that an earlier view has. Masks the part of each image that the scene predicts."""
+"""Writes the measured scene as a glTF file. Each view's surface is a mesh with its own albedo and room light; parts
+that an earlier view contains are left out. Also makes masks of the parts of each image that the scene predicts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SAME_SURFACE = 0.015
 _MASK_EDGE_PX = 9
 _SEAM_PX = 5  # views overlap by this width, so that no light falls between them
 _BRIGHTEST_ALBEDO = 0.8
-_IR_ALBEDO = 0.5  # of a surface that only its depth tells
+_IR_ALBEDO = 0.5  # of a surface with measured depth alone
 _BRIGHT = 0.998  # this quantile of a texture is its brightest value
 
 
@@ -126,9 +126,9 @@ def add_camera(writer: GltfWriter, name: str, pose: Pose, camera: Camera) -> Non
 def known_masks(
     views: Sequence[SceneView], poses: Sequence[Pose], is_train: Sequence[bool], rig: Rig
 ) -> dict[tuple[int, str], Mask]:
-    """Masks the known part of the scene in each image: measured surfaces, far from edges, that a second view has
-    measured, too; one in a single view would be predicted by that view itself. Returns {(frame id, side): mask [height,
-    width]}. is_train: whether each view is not held out for the test; those held out do not count."""
+    """Returns {(frame id, side): mask [height, width]} of the known part of the scene in each image. Known are measured
+    surfaces, far from edges, that a second training view has measured, too. A surface from a single view would only be
+    compared with itself. is_train: whether each view is for training, not held out for the test."""
     out: dict[tuple[int, str], Mask] = {}
     for k, view in enumerate(views):
         known = (view.depth_m > 0) & ~near_edges(view.depth_m, _MASK_EDGE_PX)
@@ -170,10 +170,10 @@ NOTE = (
 
 
 def write_height_field(path: Path, capture: Capture, frame_id: int | None, step_px: int) -> tuple[int, float, int]:
-    """Writes a scene file with the surface, in world axes, that all frames at the pose of a frame measured (None: the
-    first frame with depth), and the camera. step_px: pixels between its vertices. Returns (number of triangles, share
-    of the image that is a surface, number of frames). Raises ValueError if no such frame has depth, or if hardly any of
-    it is measured."""
+    """Writes a scene file with the camera and the surface, in world axes, that a frame measured (None: the first frame
+    with depth). Depth is the median over all frames with that frame's pose. step_px: pixels between vertices. Returns
+    (number of triangles, share of the image that is a surface, number of frames). Raises ValueError if the frame has no
+    depth, or hardly any."""
     known = [f for f in capture.frames if f.depth_path is not None]
     with_depth = [f for f in known if frame_id in (None, f.id)]
     if not with_depth:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds which views show the same place and the motion between them.
+"""Finds which views show the same surfaces, and the motion between them.
 
-Image features without dots, whose depth makes them 3D points, are matched and fitted by a rigid motion. Point-to-plane
-ICP with projective association refines it (Blais and Levine 1995)."""
+Image features are computed without the dots; depth makes them 3D points. They are matched, and a rigid motion is
+fitted. Point-to-plane ICP with projective association refines it (Blais and Levine 1995)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Features = tuple[NDArray[np.float32], NDArray[np.float32]]
 _DOTS_PX, _GAP_PX = 4.0, 25
 _MOST_FEATURES = 1500
 _RATIOS = 0.85, 0.95  # a ghost over the picture makes descriptors less distinct
-# So many matches prove a motion. Fewer, as reflections in the lens leave, do where the moved light correlates so much.
+# This many matches prove a motion. Fewer do, as reflections in the lens leave, if the images correlate this much.
 _SURE_MATCHES, _LEAST_MATCHES, _SAME_LIGHT = 12, 6, 0.7
 _SAMPLES = 15000
 # ICP: distances beyond which a point is another surface, from the first round to the last, and the robust scale, m.
@@ -39,9 +39,9 @@ MOVED_ON = 0.2
 
 @dataclass(frozen=True)
 class Surface:
-    """A view's geometry, as camera matrix K gives it. points, normals: [height, width, 3] in the camera's frame. known:
-    mask of valid ones. pick: flat indices of randomly chosen pixels. features: SIFT features of the left image, and of
-    it with small dark gaps closed."""
+    """A view's geometry under an assumed camera matrix K. points, normals: [height, width, 3] in the camera's frame.
+    known: mask of valid ones. pick: flat indices of randomly chosen pixels. features: SIFT features of the left image,
+    and of that image with small dark gaps closed."""
 
     view: SceneView
     points: Image
@@ -115,8 +115,8 @@ def _features(image: Image, points: Image) -> Features:
 
 
 def _by_features(first: Features, second: Features, K: NDArray[np.float64], ratio: float) -> tuple[Pose | None, int]:
-    """Returns (the motion by matched features, the number of matches that agree with it); None without one. ratio: of
-    the nearest descriptor's distance to the next one's."""
+    """Returns (the motion from matched features, the number of matches that agree with it), or (None, 0) for too few
+    matches. ratio: largest allowed ratio of the nearest descriptor's distance to the second nearest's."""
     (here, a), (there, b) = first, second
     if min(len(a), len(b)) < _LEAST_MATCHES:
         return None, 0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the right camera relative to the left one: compares where the right image shows a place with where the
-measured depth predicts it."""
+"""Measures the right camera relative to the left one: compares the position of a surface in the right image with the
+position that its measured depth predicts."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
 
 
 def _one(view: SceneView, rig: Rig) -> tuple[float, float, float] | None:
-    """Compares, for one view, where the right image shows places with where their depth predicts them. Returns the
-    offsets (focal length x baseline in px m, columns, rows). None if too few windows correlate."""
+    """Compares, for one view, positions in the right image with those that the measured depth predicts. Returns the
+    offsets (focal length x baseline in px m, columns in px, rows in px), or None if too few windows correlate."""
     left = high_pass(view.left)
     shifted = {s: right_at_depth(view, rig, s) for s in ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))}
     inside = np.all([ok for _, ok in shifted.values()], axis=0).astype(np.float32)

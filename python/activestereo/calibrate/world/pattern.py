@@ -2,8 +2,8 @@
 """Measures the projector's dots and position from arbitrary scenes with depth.
 
 A pixel's high-pass value over its local RMS does not depend on albedo or distance. Projected back through depth to the
-projector's true position, all views' high-pass images agree, so their average is sharpest there. A rotated point source
-looks like a rotated pattern, so the pattern's axes are set to the left camera's."""
+projector's true position, all views' high-pass images agree, so their average is sharpest there. The projector's
+rotation cannot be told from a rotation of its pattern, so its axes are set to the left camera's."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Vector = NDArray[np.float64]
 _SCALE, _BEYOND = 2, 1.12
 _SLOW_PX, _RMS_PX = 4.0, 12.0
 _LEAST_RMS_DN, _RMS_FLOOR_DN = 1.0, 0.5
-# Dots are compared at this blur of the pattern's image, in its pixels, where at least so many samples fall into one.
+# Dots are compared after this blur of the pattern's image (its pixels), where a pixel has at least so many samples.
 _BLUR, _LEAST_COUNT = 1.0, 0.15
 # The position is sought with a part of the samples, and at first of the views, in steps of these metres.
 _STEPS_M = np.array([1.0e-3, 1.0e-3, 3.0e-3])
@@ -50,9 +50,9 @@ class DotView:
 @dataclass(frozen=True)
 class PatternEstimate:
     """The measured pattern. image: mean normalised high-pass image under the pattern's K, NaN = no view lit it. place:
-    the projector in the left camera's frame, m. covariance: [3, 3], of place. r: {frame id: correlation of its dots
-    with the other views' prediction}. is_common: whether the views share dots; else the image merges each view's own
-    dots as well as they fit."""
+    the projector's position in the left camera's frame, m. covariance: [3, 3], of place. r: {frame id: correlation of
+    its dots with the other views' prediction}. is_common: whether all views show the same dots. If not, the image is
+    the mean of the views' different dots."""
 
     image: Image
     K: NDArray[np.float64]
@@ -219,8 +219,8 @@ def _sharpest(
 
 
 def _agreement(total: Image, count: Image, square: Image, count2: Image) -> float:
-    """Computes the mean product of different views' high-pass values over pattern pixels that at least two views share.
-    total, count: sums over views of values and of their numbers. square, count2: sums of the squares of both."""
+    """Computes the mean product of different views' high-pass values over pattern pixels that two views or more share.
+    total, count: sums over views of values and of sample numbers. square, count2: sums over views of their squares."""
     pairs = count * count - count2
     known = pairs > 0.05
     return float((total * total - square)[known].sum(dtype=np.float64) / pairs[known].sum(dtype=np.float64))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws pictures of each step's result, for a look before the numbers are believed."""
+"""Draws pictures of each step's result, so that users can check it by eye."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _SMALL = np.s_[::2, ::2]
 
 
 def poses_picture(views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Draws a checkerboard of the first view's image and the next view's, warped to the first. Contours are continuous
-    where poses and K are right."""
+    """Draws a checkerboard whose fields alternate between the first view's image and the second's, warped to the first
+    view. Contours are continuous if poses and K are right."""
     return _gray(_checker([view.left for view in views[:2]], views, poses, K))
 
 
 def exposure_picture(
     views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64], light: LightEstimate
 ) -> NDArray[np.uint8]:
-    """Draws the same checkerboard of the light above black, divided by exposure and falloff. Its fields are equally
-    bright where these are right."""
+    """Draws the checkerboard of poses_picture() from the light above black, divided by exposure and falloff. Its fields
+    are equally bright if these are right."""
     images = []
     for view, exposure in zip(views[:2], light.exposure, strict=False):
         tangent = points_of(np.ones_like(view.depth_m), K)[..., :2]
@@ -39,8 +39,8 @@ def exposure_picture(
 def scene_pictures(
     views: Sequence[SceneView], masks: Mapping[tuple[int, str], NDArray[np.bool_]], textures: Sequence[Textures]
 ) -> dict[str, NDArray[np.uint8]]:
-    """Draws "albedo", with a row for each of the textures' views (its albedo on the left, the room's light on the
-    right), and "known": each view's left image, darkened where the scene is not known."""
+    """Returns two pictures. "albedo" has a row for each of the textures' views: its albedo on the left, the room's
+    light on the right. "known" has each view's left image, darkened outside its mask."""
     kinds = [np.vstack([getattr(t, name)[_SMALL] for t in textures]) for name in ("albedo", "room")]
     rows = [np.where(masks[v.frame.id, "left"], 1.0, 0.3) * _gray(v.left) for v in views]
     return {"albedo": np.hstack([_gray(kind) for kind in kinds]), "known": np.vstack(rows).astype(np.uint8)[_SMALL]}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates the pose of each view, and focal length and centre of the camera. One least-squares fit for each scene
-brings all overlaps' points onto each other's planes, which closes loops. Surfaces agree only under the true focal
-length and centre, as far as views have turned enough to determine them."""
+"""Estimates each view's pose and the camera's focal length and principal point. One least-squares fit for each scene
+brings points of all overlapping views onto each other's planes; so loops of views close. Surfaces agree only under the
+true focal length and principal point, as far as views are rotated enough to determine them."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ _Z90 = 1.645
 class PoseEstimate:
     """The poses of one scene's views. views: their indices among all views. view_to_world: 4x4 each; the first view's
     frame is the world. covariance: [6n, 6n] of rotation vector and position in the world, 0 for the first view.
-    by_camera: [6n, 3], how these move with (f, cx, cy). overlaps: those of these views. distance_m: median distance of
-    a point from another view's plane. camera: (mean, covariance) of (f, cx, cy)."""
+    by_camera: [6n, 3], derivative of these by (f, cx, cy). overlaps: those between these views. distance_m: median
+    distance of a point from another view's plane. camera: (mean, covariance) of (f, cx, cy)."""
 
     views: tuple[int, ...]
     view_to_world: tuple[Pose, ...]
@@ -123,8 +123,8 @@ def _normal_equations(
     camera: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:  # fmt: skip
     """Sums the Gauss-Newton equations of all points' distances from the planes of the overlapping view, in both
-    directions: (hessian, gradient, the image blocks' gradients, median distance in metres). Unknowns are f, cx, cy,
-    then each view's rotation and translation. order: {view's index: its place in poses}."""
+    directions. Returns (hessian, gradient, gradients of single image blocks, median distance in metres). Unknowns are
+    f, cx, cy, then each view's rotation and translation. order: {view's index: its index in poses}."""
     size = 3 + 6 * len(poses)
     hessian, gradient, blocks, distances = np.zeros((size, size)), np.zeros(size), [], []
     K = np.array([[camera[0], 0, camera[1]], [0, camera[0], camera[2]], [0, 0, 1.0]])
@@ -159,8 +159,8 @@ def _normal_equations(
 
 
 def _camera_derivatives(c: Contact, a_to_b: Pose, camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns minus the derivatives [n, 3] of the points' distances from planes by f, cx, cy. Both the point and the
-    plane that it meets move. camera: (f, cx, cy)."""
+    """Returns minus the derivatives [n, 3] of the points' distances from planes by f, cx, cy. They move both the point
+    and its plane. camera: (f, cx, cy)."""
     start = (c.point - a_to_b[:3, 3]) @ a_to_b[:3, :3]
     out = np.zeros((len(c.distance), 3))
     for points, normal, sign in ((start, c.normal @ a_to_b[:3, :3], 1.0), (c.there, c.normal, -1.0)):

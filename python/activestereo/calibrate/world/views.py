@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the views of a recording with depth, and refuses those on which nothing can be measured.
+"""Reads the views of a recording with depth, and rejects those on which nothing can be measured.
 
-Depth is checked against the pair itself. Read at the disparity that depth predicts, the right camera's high-pass image
-must equal the left one's. Depth from another camera or moment, or in other units, fails this check."""
+Depth is checked against the infrared pair. The right camera's high-pass image, shifted by the disparity that depth
+predicts, must equal the left one's. Depth from another camera or moment, or in other units, fails this check."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EDGE_PX = 7
 _HIGH_PASS_PX = 3.0
 # The images correlate 0.85 to 0.94 at the depth of a laser or of the device itself, at most 0.21 at foreign depth.
 _LEAST_AGREEMENT = 0.4
-# Saturated share of a view that is refused, and that is told.
+# Largest saturated share of a usable view, and the share above which there is a message.
 _MOST_CLIPPED, _MUCH_CLIPPED = 0.2, 0.05
 _LEAST_DEPTH = 0.2
 
@@ -49,9 +49,8 @@ class SceneView:
 def read_views(
     capture: Capture, progress: Callable[[float], object] | None = None
 ) -> tuple[list[SceneView], list[str]]:
-    """Returns (a capture's usable views, a line for each frame that is refused or much saturated, with the reason and
-    the remedy). Raises ValueError with the first reason if fewer than two views are
-    usable."""
+    """Returns (a capture's usable views, messages). There is a message, with reason and remedy, for each frame that is
+    rejected or much saturated. Raises ValueError with the first reason if fewer than two views are usable."""
     where = capture.path
     if not any(frame.depth_path for frame in capture.frames):
         raise ValueError(f"{where}: no frame has depth: record the depth stream, too, or a laser's depth of each view")
@@ -141,8 +140,8 @@ def points_of(depth_m: Image, K: NDArray[np.float64]) -> Image:
 
 
 def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) -> tuple[Image, Image, Image]:
-    """Projects points [height, width, 3] to another camera, whose frame `pose` leads to: (column, row, depth), depth at
-    least 1 mm."""
+    """Projects points [height, width, 3] into another camera. pose: 4x4 from the points' frame to that camera's.
+    Returns (column, row, depth), each [height, width]; depth is at least 1 mm."""
     moved = points @ pose[:3, :3].T.astype(np.float32) + pose[:3, 3].astype(np.float32)
     z = np.maximum(moved[..., 2], 1e-3)
     column, row = (np.asarray(K[i, i] * moved[..., i] / z + K[i, 2], np.float32) for i in (0, 1))
@@ -152,8 +151,8 @@ def places_of(points: Image, pose: NDArray[np.float64], K: NDArray[np.float64]) 
 def same_surface(
     points: Image, pose: NDArray[np.float64], K: NDArray[np.float64], depth_m: Image, share: float
 ) -> tuple[Image, Image, Mask]:
-    """Returns places_of() the points in another view, (column, row), and a mask of those that the other view's depth
-    has there, too: within this share of it."""
+    """Projects points into another view, as places_of() does. Returns (column, row, mask of points that lie on the
+    view's surface). There the view's depth_m differs from the point's depth by less than this share of it."""
     column, row, z = places_of(points, pose, K)
     depth = cv2.remap(depth_m, column, row, cv2.INTER_LINEAR)
     return column, row, (z > 0.05) & (np.abs(depth - z) < share * z)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns a recording with depth into a capture that the lab can use: measures camera, poses, pattern, exposures and
-albedo, one after the other.
+"""Turns a recording with depth into a capture for diagnosis: measures camera, poses, pattern, exposures and albedo, one
+after the other.
 
-Each step replaces its own part of the capture and states its uncertainty in `measured`. Leave a step out to keep a
-better value of your own."""
+Each step replaces its own part of the capture and states its uncertainty in `measured`. Omit a step to keep a better
+value of your own."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ from activestereo.common.progress_bar import part_of
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
 _LEAST_ON = 0.85
-# The camera has turned if the picture moves by this share of its width; else the lens's falloff stays unknown.
+# The camera has turned if the picture moves by this share of its width. Else lens falloff cannot be measured.
 _LEAST_TURN = 0.02
 _Z90 = 1.645
 # Relative exposures from overlaps are no more accurate than this.
@@ -94,8 +94,8 @@ class World:
         self.lines.append(line)
 
     def scene_views(self) -> tuple[list[SceneView], list[NDArray[np.float64]]]:
-        """Returns the views of one scene and their 4x4 view_to_world, as measured or as the capture states them. Raises
-        ValueError if it states none."""
+        """Returns the views of one scene and their 4x4 view_to_world, measured in this run or else the capture's.
+        Raises ValueError if there are none."""
         if self.poses is not None:
             return [self.views[i] for i in self.poses.views], list(self.poses.view_to_world)
         frames = {frame.id: frame.camera_to_world for frame in self.capture.frames}
@@ -105,7 +105,7 @@ class World:
         return views, [frames[view.frame.id] for view in views]
 
     def projected(self) -> PatternEstimate:
-        """Returns the projector's dots as measured, or as the capture states them."""
+        """Returns the projector's dots, measured in this run or else the capture's pattern."""
         if self.dots is not None:
             return self.dots
         projector = self.capture.rig.projector
@@ -239,7 +239,7 @@ def _moves(world: World, overlap: Overlap) -> ValueError:
 
 def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_px: float) -> dict[str, Any]:
     """Returns the joint covariance of focal length, centre and poses, each pose in its own camera's axes. camera:
-    covariance of (f, cx, cy), None if they are nominal. An error of the camera moves the poses along."""
+    covariance of (f, cx, cy), None if they are nominal. An error of the camera also changes the poses."""
     by_camera, own = np.vstack([np.eye(3), estimate.by_camera]), np.zeros((3, 3)) if camera is None else camera
     covariance = by_camera @ own @ by_camera.T
     covariance[3:, 3:] += estimate.covariance
@@ -253,8 +253,8 @@ def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_p
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
-    """Returns the angle, rad, by which the camera's motion `pose` (4x4) turns the sight of a point at distance_m: its
-    rotation plus translation over distance."""
+    """Returns the angle, rad, by which a camera motion changes the direction of a point at distance_m: the rotation's
+    angle plus translation over distance. pose: the motion, 4x4."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 
