@@ -69,7 +69,7 @@ class Drift:
     source: str
 
     def model(self) -> SensorModel:
-        """Makes a SensorModel of the effects whose parameters move, for model.json."""
+        """Makes a SensorModel, for model.json, of the effects that have a parameter whose slope moves."""
         model = SensorModel()
         for name in dict.fromkeys(s.name.split(".")[0] for s in self.slopes if s.moves):
             own = [s for s in self.slopes if s.name.startswith(f"{name}.")]
@@ -92,8 +92,8 @@ class Drift:
 
 def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
     """Measures the Drift from a capture's frames. temperatures: CSV file of seconds, celsius, interpolated linearly;
-    None: the frames' own temperatures. Raises ValueError if frames, a range of temperatures or frames without the
-    projector are missing."""
+    None: the frames' own temperatures. Raises ValueError for fewer than 8 frames with dots and a temperature, a range
+    below 3 kelvin, or no frame with the projector off."""
     capture = read_capture(folder)
     frames = _frames_with_temperature(capture, temperatures)
     lit = [f for f in frames if f.projector_power > 0.0]
@@ -157,7 +157,7 @@ def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> lis
 
 def _columns(capture: Capture, frame: Frame, layers: dict[str, Layers]) -> tuple[list[str], Matrix, Matrix]:
     """Returns (names of the fitted parameters, derivative images [n, pixels of both cameras], weights of pixels). A
-    derivative image is the change of the images when one parameter grows by a unit. layers: each camera's light."""
+    derivative image is the images' change per unit of a parameter. layers: {side: dots' and room's light}."""
     focal_px, columns, light = capture.rig.left.K[0, 0], dict[str, list[Matrix]](), list[Matrix]()
     place_m = np.linalg.inv(capture.rig.projector.left_to_projector)[:3, 3]
     across_px, _ = cv2.phaseCorrelate(layers["right"][0], layers["left"][0])[0]

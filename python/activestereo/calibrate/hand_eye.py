@@ -57,8 +57,8 @@ class HandEye:
 
 
 def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[NDArray[np.float64]]) -> HandEye:
-    """Computes the HandEye from the robot's and the board's 4x4 pose in each frame. Raises ValueError for fewer than 5
-    frames, or if the robot did not turn about two axes."""
+    """Computes the HandEye from one 4x4 gripper_to_base and one 4x4 board_to_camera for each frame. Raises ValueError
+    for fewer than 5 frames, or if the gripper did not turn about two axes."""
     count = len(gripper_to_base)
     if count < _LEAST_POSES:
         raise ValueError(f"{count} frames have a robot's pose and a board, at least {_LEAST_POSES} are needed")

@@ -93,8 +93,8 @@ class MaterialScene:
 
     def lights(self, picture: Picture, samples: int, seed: int) -> NDArray[np.float32]:
         """Renders a picture's view under each light alone, [height, width, channel, light]. The first light is the
-        projector, 0 if it was off or is not visible. Then come each group of lamps and the room, and a constant for the
-        black level."""
+        projector, 0 if it was off or is not visible. Then come the room's light, each group of lamps, and the black
+        level, which is 1 in infrared and 0 in colour pictures."""
         to_projector = self._capture.rig.projector.left_to_projector
         self._projector.light_to_world = picture.pose @ np.linalg.inv(to_projector)
         self.scene.set_light(self._projector_id, self._projector)
@@ -114,8 +114,8 @@ class MaterialScene:
 
 
 def pictures(scene: MaterialScene, capture: Capture, surfaces: Sequence[int]) -> list[Picture]:
-    """Returns pictures from the poses at which the object is largest: infrared with the projector on and off, and
-    colour, as far as recorded. Raises ValueError if no pose shows the object."""
+    """Returns pictures from the three poses at which the object is largest: infrared with the projector on and off, and
+    colour, as far as recorded. Raises ValueError if no pose or no infrared image shows the object."""
     poses: dict[bytes, list[Frame]] = {}
     for frame in capture.frames:
         poses.setdefault(np.round(frame.camera_to_world, 7).tobytes(), []).append(frame)
@@ -292,8 +292,8 @@ class MaterialFit:
         return Residuals(weights * one, weights * two, weights)
 
     def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-        """Returns the candidate with the colours that fit best to its other values. Light intensities come from the
-        pixels around the object."""
+        """Returns the candidate with its colours replaced by those that fit best to its other values. Light intensities
+        come from the pixels around the object."""
         free = np.array([name in COLORS for _, name in self.parameters])
         if not free.any():
             return theta
@@ -375,7 +375,7 @@ def light_intensities(pictures: Sequence[tuple[Picture, NDArray, NDArray]]) -> N
     return np.array(out)
 
 
-# Errors of neighbouring pixels are correlated, and the model has errors, too: this many residuals inform like one.
+# Errors of neighbouring pixels are correlated, and the model has errors, too: so many residuals count as one.
 _ALIKE = 12.0
 # Standard deviations of all other errors, from trials on balls, boxes and cups with known paints.
 _FLOORS = {"roughness": 0.04, "metallic": 0.02, "specular": 0.06, "transmission": 0.04, "ir_albedo": 0.025}
@@ -404,9 +404,9 @@ def refine(
     fit: MaterialFit, theta: NDArray[np.float64], reaches: Sequence[float], samples: int,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Refined:  # fmt: skip
-    """Improves a candidate by Gauss-Newton steps, one for each of `reaches`. A step renders a set of variants around
-    its middle; the reach is their distance from it. samples: per pixel in each half of a variant's render; a step's
-    result is judged with four times as many."""
+    """Improves a candidate by Gauss-Newton, once for each of `reaches`. Derivatives come from renders of a set of
+    variants, whose distance from their middle is the reach. samples: per pixel in each half of a variant's render. The
+    resulting candidates are judged with four times as many."""
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
         part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))

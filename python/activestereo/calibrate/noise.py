@@ -93,7 +93,7 @@ class NoiseModel:
                 np.exp(log[kept] + 1j * angle[kept]) * np.broadcast_to(np.sinc(0.5 * t / np.pi), kept.shape)[kept]
             )
         shares = np.fft.irfft(np.conj(total), length)
-        shares[:, 0] += shares[:, -bins:].sum(axis=1)  # what lies below 0 comes round at the end
+        shares[:, 0] += shares[:, -bins:].sum(axis=1)  # values below 0 wrap around to the end
         shares = shares[:, :bins]
         shares[:, -1] = 1.0 - shares[:, :-1].sum(axis=1)
         return np.asarray(np.log(np.maximum(shares, _LEAST_PROBABILITY)))
@@ -267,7 +267,7 @@ def calibrate_noise(
         density[kind] = evidence.density(fits[kind][0])
         tell(0.4 * len(fits) + 0.1)
     chosen, other = sorted(density, key=lambda kind: -float(density[kind].sum()))
-    # The errors are of the curvature, by central differences.
+    # The errors follow from the cost's curvature, by central differences.
     noise_model, x, cost = fits[chosen]
     free, error = len(x), np.zeros(3)
     hessian, steps = np.zeros((free, free)), np.diag(_STEPS[:free])

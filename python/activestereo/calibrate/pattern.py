@@ -58,11 +58,11 @@ class WallView:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared;
-    their mean is the nominal pattern's (or 1). position_m: the projector's origin in the left camera's frame.
-    position_error_m: its standard deviations; None if it is nominal. background: (light between the dots, in the
-    powers' unit per square pixel; half of the cameras' difference), or None if not measured. seen_twice: number of dots
-    visible at two distances. rig: the calibration that was assumed."""
+    """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared.
+    Their scale makes the light, background included, the nominal pattern's; without one, 1 a dot. position_m: the
+    projector's origin in the left camera's frame. position_error_m: its standard deviations; None if it is nominal.
+    background: (light between the dots, in the powers' unit per square pixel; half of the cameras' difference), or None
+    if not measured. seen_twice: number of dots visible at two distances. rig: the calibration that was assumed."""
 
     dots: np.ndarray
     size: tuple[int, int]
@@ -120,10 +120,9 @@ def calibrate_pattern(
     with the projector on.
 
     K, the baseline and the projector's K are `model`'s if it has a rig, else the capture's nominal ones. The
-    projector's rotation is always the capture's nominal one, and so is its position for one distance: two distances
-    measure it. Dots are directions from that rig's cameras, so they are wrong with another rig. Raises ValueError with
-    file, number and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not
-    flat."""
+    projector's rotation is always the capture's nominal one. Its position is measured from two distances, and nominal
+    for one. Dots follow from this rig's cameras, so they are wrong with another rig. Raises ValueError with file,
+    number and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not flat."""
     tell = progress or (lambda fraction: None)
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:
@@ -209,10 +208,10 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     image = rig.projector.pattern()
     (height, width), rotation = image.shape, rig.projector.left_to_projector[:3, :3]
     right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
-    eyes = {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}  # K, and the place in the left frame
+    eyes = {"left": (rig.left.K, np.zeros(3)), "right": (rig.right.K, right_m)}  # K, and the position in the left frame
     nominal_m = -rotation.T @ rig.projector.left_to_projector[:3, 3]
     projector = ProjectorView(nominal_m, rotation, rig.projector.K, (width, height))
-    # 1. The projector's place, of the nearest and the farthest wall.
+    # 1. The projector's position, from the nearest and the farthest wall.
     near, far = views[0], views[-1]
     walls = [near, far] if far.wall.distance_m > _LEAST_DISTANCE_RATIO * near.wall.distance_m else [near]
     error, pairs, scales = None, np.empty((0, 2), dtype=int), [1.0]

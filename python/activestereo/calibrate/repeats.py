@@ -18,8 +18,8 @@ _LARGEST_DRIFT, _LARGEST_EXCESS = 0.005, 2.0
 
 @dataclass(frozen=True)
 class Repeats:
-    """Exposures of one static view. counts: [n, height, width], uint8 or uint16. exposure_gain: seconds x gain, None if
-    unknown. view: names the scene and pose; repeats of one view at several exposures share it."""
+    """Frames of one static view at one exposure. counts: [n, height, width], uint8 or uint16. exposure_gain: seconds x
+    gain, None if unknown. view: identifies scene and pose; equal for repeats of one view at different exposures."""
 
     name: str
     counts: np.ndarray

@@ -179,7 +179,7 @@ class _Fit:
         columns = np.concatenate([of, of + count, of + 2 * count, np.full(of.size, 3 * count)])
         jacobian = csr_matrix((values, (np.tile(pixel.ravel(), 4), columns)), shape=(self.image.size, 3 * count + 1))
         weighted = diags(self.weight.ravel()) @ jacobian
-        # Columns of one size: the solver needs few steps then.
+        # Columns of equal norm, with which the solver needs few steps.
         size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
         left = (self.weight * self.residual()).ravel()
         step = lsqr(weighted @ diags(1.0 / size), left, damp=0.02, iter_lim=_LSQR_STEPS)[0] / size

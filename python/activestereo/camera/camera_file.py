@@ -82,7 +82,7 @@ class CameraData:
     figures: dict[str, dict[str, Figure]]
 
     def value(self, section: str, name: str, default: Any = None) -> Any:
-        """Returns a figure's value, several numbers as a tuple. Raises ValueError if it is missing without default."""
+        """Returns a figure's value, a list as a tuple. Raises ValueError if it is missing and there is no default."""
         figure = self.figures.get(section, {}).get(name)
         if figure is None:
             if default is None:

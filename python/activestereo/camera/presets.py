@@ -245,8 +245,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         object.__setattr__(self, "_calibrated", kept)
 
     def check(self) -> None:
-        """Raises ValueError if fields contradict one another, such as a matrix for another resolution or a power that
-        the laser lacks. Sensors call it, too."""
+        """Raises ValueError if fields contradict one another, such as a matrix for another resolution or a power beyond
+        the laser's limits. Sensors call it when they are made."""
         check_together(vars(self))
 
     @classmethod
@@ -289,7 +289,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     if not TYPE_CHECKING:  # type checkers know the fields by their own names alone, and so find misspelt ones
 
         def __getattr__(self, name: str) -> Any:
-            """Returns a field by SAPIEN's name."""
+            """Returns the field whose name in SAPIEN is `name`."""
             if name in _OWN_NAMES:
                 return getattr(self, _OWN_NAMES[name])
             if name.startswith("__"):  # names that Python asks for, in copy() for one: no guess
@@ -361,7 +361,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     def resized(self, width: int, height: int, fov: float | None = None) -> StereoDepthSensorConfig:
         """Returns a copy whose images are all width x height pixels; pixels keep their aspect ratio. fov: horizontal
-        field of view of all cameras, degrees. None: each camera keeps its own, and the new height crops or extends the
+        field of view of all cameras, degrees. None keeps each camera's own, and the new height crops or extends the
         image. The disparity range and the matcher's block scale with the infrared focal length, as in scaled()."""
         for name, side in (("width", width), ("height", height)):
             SIDE.check(name, side)

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds which pixels of a measured room's images show the same piece of surface. All images of a place count alike,
-without a reference image.
+"""Finds which pixels of a measured room's images show the same piece of surface. No image is a reference for the
+others.
 
 A surface cell is a pixel of a view's left image with measured depth. Images have half the size, since a quarter of the
-pixels is enough to measure the light; other modules need whole dots and rows.
-"""
+pixels is enough to measure the light; other modules need whole dots and rows."""
 
 from __future__ import annotations
 
@@ -42,9 +41,9 @@ _HALF = 2
 @dataclass(frozen=True)
 class RoomImage:
     """One camera's image of one frame at half size; arrays are [height, width]. dn: counts. depth_m: 0 = none. usable:
-    mask. dots: the pattern's value 0..1 on the surface, less a dark level. geometry: cosine over squared distance from
-    the projector, 1/m^2. exposure: relative to the first frame's. whole: the image as recorded. view: index of the
-    frame, which has two images."""
+    mask of unsaturated pixels with depth. dots: the pattern's value 0..1 on the surface, less a dark level. geometry:
+    cosine over squared distance from the projector, 1/m^2. exposure: relative to the first frame's. whole: the image as
+    recorded. view: index of the frame, which has two images."""
 
     frame: Frame
     side: str

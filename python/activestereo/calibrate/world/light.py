@@ -132,8 +132,8 @@ def response_of(views: Sequence[SceneView], max_dn: float) -> tuple[float, float
 
 
 def _floor(count: NDArray[np.int64]) -> int | None:
-    """Returns the smallest count of an image if its histogram ends there abruptly, else None. count: number of pixels
-    of each count."""
+    """Returns the smallest count of an image if it is above 0 and the histogram ends there abruptly, else None. count:
+    number of pixels of each count."""
     lowest = int(np.flatnonzero(count)[0])
     beside = count[lowest + 1] if len(count) > lowest + 1 else 0
     ends = count[lowest] > _LEAST_AT_FLOOR * count.sum() and count[lowest] > _LEAST_STEP_AT_FLOOR * beside

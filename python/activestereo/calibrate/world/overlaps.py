@@ -53,7 +53,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Overlap:
-    """The motion between two views that show the same place. a, b: indices of the views. a_to_b: 4x4. seen: share of
+    """The motion between two views that show the same surfaces. a, b: indices of the views. a_to_b: 4x4. seen: share of
     a's points that fall on b's known pixels. on: share of those that lie on b's surface. distance_m: median distance
     from b's planes."""
 
@@ -80,8 +80,8 @@ def surface_of(view: SceneView, K: NDArray[np.float64], rng: np.random.Generator
 def find_overlap(
     a: int, b: int, first: Surface, second: Surface, K: NDArray[np.float64], least_on: float = _LEAST_ON
 ) -> Overlap | None:
-    """Estimates the motion between two views and returns their Overlap; None if they show different places. a, b: the
-    views' indices; first, second: their surfaces. least_on: the least `on` of an overlap."""
+    """Estimates the motion between two views and returns their Overlap; None if they show different surfaces. a, b: the
+    views' indices; first, second: their surfaces. least_on: an overlap's `on` must be larger."""
     for ratio, (here, there) in product(_RATIOS, list(zip(first.features, second.features, strict=True))):
         start, matches = _by_features(here, there, K, ratio)
         overlap = None if start is None else _icp(a, b, first, second, start, K)

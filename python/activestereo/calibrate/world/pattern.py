@@ -172,7 +172,7 @@ def _sharpest(
     canvas: _Canvas, views: Sequence[DotView], scenes: Sequence[int], start: Vector,
     progress: Callable[[float], object] | None,
 ) -> tuple[Vector, NDArray[np.float64]]:  # fmt: skip
-    """Returns (position at which the views agree most, its covariance by a jackknife over scenes)."""
+    """Returns (position at which the views agree most, its covariance [3, 3] by a jackknife over scenes)."""
     numbers = sorted(set(scenes))
     done, most = 0, _WALK + 19
 

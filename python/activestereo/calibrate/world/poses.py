@@ -31,7 +31,7 @@ _MAD = 1.4826  # a normal distribution's deviation over its median distance from
 _LEAST_DISTANCE_M = 5e-5
 # Errors of depth are correlated within blocks of this side; a block counts once in the intervals.
 _BLOCK_PX = 80
-# Scenes of one camera agree to this, px. Common errors of depth are in no scene's own interval.
+# Scenes of one camera agree to this, px. No scene's own interval includes common errors of depth.
 _SCENE_PX = 0.4
 # A scene with a larger deviation than this, px, does not determine the camera.
 _MOST_DEVIATION_PX = 6.0

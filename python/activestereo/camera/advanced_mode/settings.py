@@ -2,8 +2,8 @@
 """Reads advanced-mode JSON, as Intel's Viewer and rs400_advanced_mode write it, and the D400's visual presets. The file
 is one object of keys, or has the keys under "parameters"; numbers may be text.
 
-Converts the settings to the matcher's parameters, the depth image's units, and the camera's exposure and laser. Only
-Intel knows the D400's matcher, so keys are read against its defaults. A key at the camera's default leaves the
+Converts the settings to the matcher's parameters, the depth image's units, and the camera's exposure and laser. The
+D400's matcher is not published, so a key's value is compared with the camera's default. A key at its default leaves the
 matcher's parameter unchanged; another value scales the parameter by the same ratio."""
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class AdvancedSettings:
         return str(self.values.get(name, keys()[name].default))
 
     def is_changed(self, *names: str) -> bool:
-        """Returns whether one of these keys was given and differs from the camera's default."""
+        """Returns whether the file has one of these keys with another value than the camera's default."""
         return any(name in self.values and self.values[name] != keys()[name].default for name in names)
 
     def as_text(self) -> dict[str, str]:
@@ -79,7 +79,7 @@ class AdvancedSettings:
         }
 
     def unmapped(self) -> list[str]:
-        """Lists the given keys that differ from the camera's default but set no parameter here."""
+        """Lists the file's keys that differ from the camera's default but set no parameter in this package."""
         return [name for name in self.values if not keys()[name].to and self.is_changed(name)]
 
 
@@ -202,7 +202,7 @@ def depth_table(settings: AdvancedSettings) -> DepthTable:
 
 
 def camera_fields(settings: AdvancedSettings) -> dict[str, Any]:
-    """Returns {field of StereoDepthSensorConfig: value} for the given keys of exposure and laser."""
+    """Returns {field of StereoDepthSensorConfig: value} for the file's keys of exposure and laser."""
     given, number = settings.values, settings.number
     out: dict[str, Any] = {}
     if settings.is_changed("aux-param-autoexposure-setpoint"):
