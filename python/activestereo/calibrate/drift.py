@@ -3,9 +3,9 @@
 kelvin.
 
 The scene need not be known. Frames with the projector off show the room's light; the other frames less these show the
-dots. Each frame's difference from the mean frame is fitted by a sum of derivative images. One shows how the image
-changes with one parameter, of the library's effects or of other movements (mount, lamps). A line over temperature is
-fitted to each parameter; its slope is the drift. Its deviation accounts for correlated errors of successive frames."""
+dots. A derivative image is the change by one parameter, of the library's effects or of other movements (mount, lamps).
+A sum of these is fitted to each frame's difference from the mean frame. A line over temperature is fitted to each
+parameter; its slope is the drift. Its deviation accounts for correlated errors of successive frames."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Layers = tuple[Matrix, Matrix]  # the dots' light and the room's, DN [height][wi
 
 @dataclass(frozen=True)
 class Slope:
-    """A parameter's change per kelvin with its standard deviation and unit. moves: whether it exceeds 4 deviations."""
+    """A parameter's change per kelvin, its standard deviation and unit. moves: whether it exceeds 4 deviations."""
 
     name: str
     value: float

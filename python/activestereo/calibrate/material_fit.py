@@ -404,9 +404,9 @@ def refine(
     fit: MaterialFit, theta: NDArray[np.float64], reaches: Sequence[float], samples: int,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Refined:  # fmt: skip
-    """Improves a candidate by Gauss-Newton, once for each of `reaches`. Derivatives come from renders of a set of
-    variants, whose distance from their middle is the reach. samples: per pixel in each half of a variant's render. The
-    resulting candidates are judged with four times as many."""
+    """Improves a candidate by Gauss-Newton, once for each of `reaches`. Derivatives come from renders of several
+    variants, whose distance from their middle is the reach. samples: per pixel in each half of a variant's render. New
+    candidates are judged with four times as many."""
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
         part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))

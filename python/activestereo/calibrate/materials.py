@@ -37,9 +37,8 @@ _METAL = 0.9
 @dataclass(frozen=True)
 class Materials:
     """The measured materials of an object. found: {surface: {parameter: Quantity}} of determined parameters.
-    undetermined: {surface: names}. loss: mean product of the residuals' halves, for the scene's own materials and for
-    the found ones. renders: number of rendered candidates. pictures: names. colors: linear RGB of surfaces without a
-    colour in the scene."""
+    undetermined: {surface: names}. loss: Residuals.loss of the scene's own materials and of the found ones. renders:
+    number of rendered candidates. pictures: names. colors: linear RGB of surfaces without a colour in the scene."""
 
     object_name: str
     found: dict[str, dict[str, Quantity]]

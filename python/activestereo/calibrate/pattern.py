@@ -59,7 +59,7 @@ class WallView:
 @dataclass(frozen=True)
 class Pattern:
     """The measured pattern. dots: [n, 3], u, v in pixels of an image of `size` under K, and power in pixels squared.
-    Their scale makes the light, background included, the nominal pattern's; without one, 1 a dot. position_m: the
+    All light, background included, sums to the nominal pattern's, or to n without a nominal pattern. position_m: the
     projector's origin in the left camera's frame. position_error_m: its standard deviations; None if it is nominal.
     background: (light between the dots, in the powers' unit per square pixel; half of the cameras' difference), or None
     if not measured. seen_twice: number of dots visible at two distances. rig: the calibration that was assumed."""
@@ -121,8 +121,8 @@ def calibrate_pattern(
 
     K, the baseline and the projector's K are `model`'s if it has a rig, else the capture's nominal ones. The
     projector's rotation is always the capture's nominal one. Its position is measured from two distances, and nominal
-    for one. Dots follow from this rig's cameras, so they are wrong with another rig. Raises ValueError with file,
-    number and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not flat."""
+    for one. Dots' directions are computed with this rig and are wrong for another. Raises ValueError with file, number
+    and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not flat."""
     tell = progress or (lambda fraction: None)
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:

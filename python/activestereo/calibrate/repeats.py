@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads frames of static views: repeats, pairs of frames at several light levels, and dark frames. Rejects views that
-move or drift."""
+"""Reads frames of static views: repeats, dark frames and pairs at several light levels. Rejects views that move or
+drift."""
 
 from dataclasses import dataclass
 from pathlib import Path

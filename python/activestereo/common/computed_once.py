@@ -25,8 +25,7 @@ class _Lock:
 
 def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
     """Decorates a method without arguments: the first call on an object computes the result, later ones return it.
-    Other threads wait for the first call. If a call raises, the next one computes again. The object needs a
-    `__dict__`."""
+    Other threads wait for the first. After an error, the next call computes again. The object needs a `__dict__`."""
     name = f"_{method.__name__}_computed"
 
     @wraps(method)

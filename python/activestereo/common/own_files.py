@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Resolves file names inside a capture, a model or a list of recordings. Such a file must lie below the folder of the
-file that names it. Otherwise, whoever wrote a shared folder could make users read other files. Links count as their
-targets."""
+"""Resolves file names inside a capture, a model or a list of recordings. Files must lie below that file's folder:
+whoever wrote a shared folder must not choose other files to read. Links count as their targets."""
 
 from __future__ import annotations
 

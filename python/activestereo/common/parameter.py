@@ -30,7 +30,7 @@ class Parameter:
     doc: str = ""
 
     def takes(self, value: float) -> bool:
-        """Returns whether a number is allowed."""
+        """Returns whether a number is in the range and, if `allowed` is not empty, one of these; or 0 with or_zero."""
         if self.or_zero and value == 0:
             return True
         low, high = self.range or (value, value)

@@ -36,8 +36,8 @@ def part_of(progress: Progress | None, start: float, end: float) -> Progress | N
 
 
 class ProgressBar:
-    """A progress bar, called with fractions 0..1. As a context manager it ends the line. It never cancels the work;
-    Ctrl-C does. phase: name of the running part of the work."""
+    """A progress bar, called with fractions 0..1. Leaving its context ends the bar's line. It never cancels the work;
+    Ctrl-C does. phase: name of the current part of the work, shown beside the bar."""
 
     def __init__(self, label: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._label = printable(label)

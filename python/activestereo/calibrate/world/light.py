@@ -191,8 +191,8 @@ def solve_light(
     """Estimates exposures, black level and falloff exponent from the light of surfaces in several views.
 
     believed: (black level, its deviation) known before. held: an estimate whose black level and exponent are kept;
-    None: they are fitted. Exposures scale all ratios, but a wrong black level bends those of dark surfaces most, so
-    both can be fitted. Views without overlap get exposure 1."""
+    None: they are fitted. Exposures scale all ratios of light between views. A wrong black level changes those of dark
+    surfaces most, so both can be fitted. Views without overlap get exposure 1."""
     n = len(views)
     pairs = [_ratios(views, poses, K, a, b) for a, b in itertools.combinations(range(n), 2)]
     rows = np.concatenate(pairs) if pairs else np.zeros((0, 6))

@@ -56,7 +56,7 @@ class PairEstimate:
 
 
 def pair_geometry(views: Sequence[SceneView], rig: Rig) -> PairEstimate:
-    """Estimates baseline and centre shift from rectified pairs with measured depth."""
+    """Estimates baseline and the right camera's principal point from rectified pairs with measured depth."""
     each = np.array([f for view in views[:_MOST_VIEWS] if (f := _one(view, rig)) is not None])
     if not len(each):
         return PairEstimate(rig.baseline_m, 0.0, 0.0, (np.inf, np.inf, np.inf), True)

@@ -188,8 +188,8 @@ class CameraEstimate:
 
 
 def camera_from_overlaps(scenes: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> CameraEstimate | None:
-    """Combines the (mean, covariance) that each scene's overlapping views give to one estimate; None if no scene
-    determines the camera. Scenes that differ by more than their intervals widen the result (Birge 1932)."""
+    """Combines the scenes' estimates of the camera to one; None if no scene determines it. scenes: (mean, covariance)
+    of (f, cx, cy). Scenes that differ by more than their intervals widen the result's (Birge 1932)."""
     told = [(m, c) for m, c in scenes if np.sqrt(np.diag(c)).max() < _MOST_DEVIATION_PX]
     if not told:
         return None
