@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Resolves file names inside a capture, a model or a list of recordings. Files must lie below that file's folder:
+"""Resolves the files that a capture, a model or a list of recordings names. They must lie below its folder, because
 whoever wrote a shared folder must not choose other files to read. Links count as their targets."""
 
 from __future__ import annotations
