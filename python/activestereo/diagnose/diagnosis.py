@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches a capture's train frames for the effects that its model lacks, and reports what the data allow to say.
+"""Searches a capture's train frames for effects that its model lacks, and writes the verdict that the data allow.
 
-Test frames give the held-out errors of the given and the found model. They never choose an effect, but if they do not
-confirm a verdict it becomes `unknown`.
+Test frames give the held-out errors of the given model and of the found model. They never choose an effect. If they do
+not confirm a verdict, it becomes `unknown`.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ _NO_FIGURES: dict[str, Any] = {
 class Diagnosis:
     """The answer of diagnose(). result: the contents of diagnose.json.
 
-    model: the given model with the effects that were found. stub: Python text of an effect, or None. sensor_model: the
-    contents of model.json; None if the capture's images could not be judged. before, after: the images that the given
-    model and model.json expect, with their errors; None if those were not asked for. made: the renderer and settings of
-    these images. kept_as: the cache key of the diagnosis; None if a part of it is a user's own. unseen: of a measured
-    room, one view as the others predict it under the given model and under the one found.
+    model: the given model with the effects that were found. stub: Python text of a new effect, or None. sensor_model:
+    the contents of model.json; None if the images could not be judged. before, after: the images that the given model
+    and model.json predict, with their errors; None if not asked for. made: the renderer and settings of these images.
+    kept_as: the cache key of the diagnosis; None if a model was given or an effect is a user's own. unseen: for a measured room,
+    one view predicted from the other views under the given model and under the found model.
     """
 
     result: dict[str, Any]
@@ -93,7 +93,8 @@ class Diagnosis:
     unseen: tuple[Unseen, Unseen] | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """Returns {(frame id, side): DN [height][width]} as model.json expects them; empty if no images were judged."""
+        """Returns {(frame id, side): image [height][width] in DN} predicted by model.json; empty if no images were
+        judged."""
         return {} if self.after is None else self.after.predictions
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
@@ -102,18 +103,18 @@ class Diagnosis:
         return {} if self.after is None else self.after.residuals()
 
     def predict(self, frame: int, side: str = "left") -> NDArray[np.float32]:
-        """Returns the image [height][width] in DN that model.json expects of a frame. KeyError: no such image was
-        judged."""
+        """Returns the image [height][width] in DN that model.json predicts for a frame. Raises KeyError if that image
+        was not judged."""
         return self.predictions()[frame, side]
 
     def residual(self, frame: int, side: str = "left") -> NDArray[np.float32]:
-        """Returns the measured minus the expected image [height][width] in DN under model.json. KeyError: as in
-        predict()."""
+        """Returns measured minus predicted image [height][width] in DN under model.json. Raises KeyError if that image
+        was not judged."""
         return self.residuals()[frame, side]
 
     def sets(self) -> list[list[str]]:
-        """Returns one list for each named effect: its id and the ids of effects that explain the recording as well,
-        the most probable first."""
+        """Returns one list of effect ids for each named effect. It holds the named effect and those that explain the
+        recording equally well, most probable first."""
         return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:
@@ -126,8 +127,8 @@ class Diagnosis:
 
     @computed_once
     def comparison(self) -> Comparison | None:
-        """Returns the Comparison of the model that the diagnosis started from; None if no images were judged. It
-        renders nothing, but runs the stereo matcher on the model's pairs."""
+        """Returns the Comparison for the model that the diagnosis started from; None if no images were judged. It
+        renders nothing, but runs the stereo matcher on the model's image pairs."""
         return None if self.before is None or self.made is None else comparison_of(self.before, self.made)
 
     def _repr_html_(self) -> str:
@@ -153,17 +154,16 @@ def diagnose(
     says: Callable[[str], object] | None = None,
     reference: Sequence[str | Path] = (),
 ) -> Diagnosis:
-    """Diagnoses a capture folder and returns the Diagnosis. CaptureError: the capture cannot be used.
+    """Diagnoses a capture folder and returns the Diagnosis. Raises CaptureError if the capture cannot be used.
 
-    model: the model to start from; the search uses only the effects of a SensorModel. effects: {id: Effect} to choose
-    from, None for the built-in ones. samples_per_pixel: of the images for the held-out errors, as compare() has them;
-    the search sees the same. progress: called with the fraction done; a Phases that begins with
-    PHASES is told of each. rendering: makes a capture's render engine, to which effects of light transport are fitted
-    (diagnose/refit.py). engines: as in compare(), for the same held-out errors. binning: the search averages
-    images over so many pixels along rows and columns, None for usual_binning(); held-out errors are of full-size
-    images. says: is told the likeliest effects by one view, where no kept diagnosis answers, then as in Settings; None
-    leaves that view's look out. reference: captures of the same
-    unit from when it was good; they serve only rooms that `calibrate world` measured (else ValueError).
+    model: the model to start from; of a SensorModel the search uses only the effects. effects: {id: Effect} to choose
+    from, None for the built-in ones. samples_per_pixel: for all renders; None chooses by the image size. progress:
+    called with the fraction done; a Phases that begins with PHASES is told of each phase. rendering: makes a capture's
+    render engine, to which effects of light transport are fitted (diagnose/refit.py). engines: as in compare(), for the
+    held-out errors. binning: the search averages blocks of binning x binning pixels, None for usual_binning(); held-out
+    errors use full-size images. says: called with progress texts: the likeliest effects by one view first, then as in
+    Settings; None skips that first view. reference: captures of the same unit from when it worked well. They are
+    allowed only for rooms that `calibrate world` measured; otherwise ValueError is raised.
     """
     effects = library() if effects is None else effects
     candidates = list(effects.values())
@@ -248,9 +248,9 @@ def diagnose(
 
 
 def _no_infrared(capture_path: str | Path) -> str | None:
-    """Returns the reason why a capture without infrared images cannot be judged; None if it has some.
+    """Returns the reason why a capture without infrared images cannot be judged; None if it has some or cannot be read.
 
-    Depth alone cannot tell one effect from another: nearly all fit it.
+    Depth alone cannot distinguish effects: nearly all of them fit it.
     """
     folder = Path(capture_path)
     file = folder if folder.name == "capture.json" else folder / "capture.json"
@@ -289,8 +289,8 @@ def examine(
     candidates: Sequence[Effect],
     settings: Settings | None = None,
 ) -> Diagnosis:
-    """Runs diagnose() on evidence that is gathered already. given: the model to start from. candidates: effects to
-    choose from."""
+    """Diagnoses evidence that is already gathered, and returns the Diagnosis. given: the model to start from.
+    candidates: effects to choose from."""
     settings = settings or Settings()
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     model = _effects_of(given, evidence.capture.scene_path)
@@ -312,8 +312,8 @@ def examine(
 
 
 def _verdict_evidence(outcome: Outcome, numbers: Numbers) -> dict[str, Any]:
-    """Returns the entries of diagnose.json that the verdict rests on: probabilities, ranking and the numbers it
-    compares."""
+    """Returns the entries of diagnose.json that justify the verdict: probabilities, ranking, and the numbers compared
+    with thresholds."""
     verdict, name_of = _verdict(outcome, numbers), surface_text(outcome.evidence.capture.scene_path)
     return {
         "probabilities": None if verdict == UNDETERMINED else probabilities_of(outcome, numbers),
@@ -333,13 +333,15 @@ _UNTESTED: _Tested = (None, None, 0.0)
 def _test_errors(
     outcome: Outcome, test: Sequence[Observation], standing: ImageErrors, after: ImageErrors, numbers: Numbers
 ) -> _Tested:
-    """Returns (explained, left, unlike) of the test frames, as Remainder has them. standing, after: errors without and
-    with the named effects.
+    """Returns (explained, left, unlike) of the test frames, as Remainder defines them. standing, after: errors without
+    and with the named effects.
 
-    Errors beside a name have the weights of fits, by which misplaced edges count less; without a name edges may be all
-    that a missing effect changes. They are None without test frames, and if noise is named, which the weights lack. No
-    model predicts draws: beside them test frames count if other names explain something, and as far as their error
-    exceeds the one of train frames, which grows as the draws' levers do."""
+    If an effect is named, pixels have the weights of fits, so misplaced edges count less. If none is named, all pixels
+    of an image weigh alike, because a missing effect may change edges only. explained and left are None without test
+    frames, or if temporal noise is named, which the weights lack. No model predicts random fields. If one is named,
+    test frames count only if other effects explain something, and by their error beyond that of train frames
+    (draws_growth()).
+    """
     if not test or any(n.id in outcome.noise for n in outcome.names):
         return _UNTESTED
     if not outcome.names:
@@ -362,8 +364,8 @@ def _test_errors(
 
 
 def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> float:
-    """Returns the mean squared error of images, without the renderer's noise, in units of their variances, 1 /
-    Observation.weight."""
+    """Returns the mean squared error of images without the renderer's noise, in noise variances (1 /
+    Observation.weight)."""
     total = sum((o.weight * errors.squares[o.key]).ravel()[o.picked()].sum() for o in observations)
     return float(total / sum(o.pixels for o in observations))
 
@@ -376,8 +378,8 @@ def _told(
     out_of_reach: Sequence[tuple[Effect, str]],
     settings: Settings,
 ) -> tuple[Diagnosis, _Tested]:
-    """Turns the outcome of a search into a Diagnosis, with _test_errors(). chosen: the effects that the search judged.
-    out_of_reach: the others, each with the reason."""
+    """Returns (the Diagnosis for the outcome of a search, the result of _test_errors()). chosen: the effects that the
+    search judged. out_of_reach: all other effects, each with the reason why not."""
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(outcome.evidence.capture.scene_path)
     model = _effects_of(given, evidence.capture.scene_path)
@@ -470,7 +472,8 @@ def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[lis
 
 
 def _open_set(outcome: Outcome) -> tuple[dict[str, Solution | None], float]:
-    """Returns ({effect: its fit or None} of the first set with more than one member, the residuals' design effect)."""
+    """Returns ({effect: its fit or None}, the residuals' design effect). The effects are those of the first named set
+    with more than one member; {} if there is none."""
     name = next((name for name in outcome.names if name.seen is not None and len(name.members) > 1), None)
     design = design_effect(outcome.solution.sums.tile_chi2, outcome.fitter.tile_pixels())
     if name is None or name.seen is None:

@@ -47,8 +47,8 @@ def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
 
 
 def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
-    """Returns the change of the expected image by misplaced edges, DN per metre, float32 [height][width]; 0 away from
-    edges."""
+    """Returns how the expected image changes if an edge is misplaced, DN per metre, float32 [height][width]; 0 away
+    from edges."""
     z, edge = o.view.depth_m, edges(o)
     down, right = np.gradient(image)
     slope = np.where(edge, np.hypot(down, right), 0.0)
@@ -59,8 +59,8 @@ def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
 
 
 def _texture_edges(room: np.ndarray) -> np.ndarray:
-    """Returns the relative change of the room's light from pixel to pixel at edges of a texture, else 0. The room's
-    light shows no dots."""
+    """Returns the relative change of the ambient light from pixel to pixel at edges of a texture, else 0,
+    [height][width]. Ambient light is used because it holds no dots."""
     down, right = np.gradient(room)
     change = np.hypot(down, right) / np.maximum(room, 1e-3 * room.max(initial=1e-9))
     return np.where(change > _TEXTURE_STEP, change, 0.0)
@@ -69,8 +69,8 @@ def _texture_edges(room: np.ndarray) -> np.ndarray:
 def edge_discrepancy(
     observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
-    """Returns the standard deviation of edge positions, metres, from the excess error of static frames at edges; 0 if
-    there is no excess."""
+    """Returns the standard deviation of edge positions in metres, at most 1.5 mm. It follows from the error at edges of
+    static frames beyond the noise; 0 if there is none."""
     excess = slopes = 0.0
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:
@@ -102,7 +102,7 @@ class Observation(MeasuredImage):
     pick: np.ndarray | None = None
 
     def picked(self) -> np.ndarray | slice:
-        """Returns the index that takes the pixels that count from a flat image."""
+        """Returns the index that selects the pixels that count from a flattened image."""
         return slice(None) if self.pick is None else self.pick
 
     @property
@@ -113,10 +113,10 @@ class Observation(MeasuredImage):
 
 @dataclass(frozen=True)
 class NuisancePrior:
-    """The normal prior of the nuisances that follow scales and black level: both focal lengths (relative), albedos
-    (relative), then Geometry.twists(). value, sigma: mean and standard deviation, [n]. materials: number of albedos.
-    black_dn: (measured black level, its deviation); None leaves it free. weighed_up: factor by which the prior
-    variances were divided."""
+    """The normal prior of all nuisances except scales and black level. In order: relative focal length of both cameras,
+    relative albedos, Geometry.twists(). value, sigma: mean and standard deviation, [n]. materials: number of albedos.
+    black_dn: (measured black level, its standard deviation), DN; None leaves it free. weighed_up: factor by which the
+    prior variances were divided."""
 
     value: np.ndarray
     sigma: np.ndarray
@@ -130,9 +130,9 @@ class Evidence:
     """All observations of a capture with the inputs of fits.
 
     nuisances: a first fit of projector scale, ambient scale and black level. noise_model: the photon-transfer noise
-    model; has_floor: whether repeats, or the two cameras of each frame, gave it. noise_variances: {(frame id, side):
-    DN^2}. materials: the number of albedo nuisances. tiles: the number of tiles. seed: sets every random choice.
-    geometry: the corrections of the stated geometry that `capture` contains.
+    model. has_floor: whether that model was measured, from repeats or from the two cameras of each frame.
+    noise_variances: {(frame id, side): DN^2}. materials: number of albedo nuisances. tiles: number of tiles. seed:
+    seeds every random choice. geometry: the corrections of the stated geometry that `capture` already contains.
     """
 
     capture: Capture
@@ -148,10 +148,10 @@ class Evidence:
     seed: int = 0
 
     def nuisance_prior(self) -> NuisancePrior:
-        """Returns the prior of the nuisances: the stated uncertainty around the stated values, as corrections of the
-        rendered geometry. Poses get a wider prior if views at rest were measured worse than stated. Poses that only
-        test frames have stay where they were found. If the likelihood counts too many pixels, the prior is weighted up
-        by the same factor (a tempered posterior; Miller and Dunson, JASA 2019)."""
+        """Returns the prior of the nuisances, which are corrections of the rendered geometry. It is centred on the
+        stated values and has the stated uncertainty. The prior of poses is wider if static views were measured worse
+        than stated. Poses that only test frames have stay where they were found. If the likelihood counts too many
+        pixels, prior variances are divided by the same factor (a tempered posterior; Miller and Dunson, JASA 2019)."""
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
@@ -177,8 +177,8 @@ class Evidence:
 def weight_of(
     noise_model: NoiseModel, edge_discrepancy_m: float, observation: MeasuredImage, expected_dn: np.ndarray
 ) -> np.ndarray:
-    """Returns 1 / variance of each pixel, 1/DN^2: the variance of the noise plus, at edges, of their misplacement. The
-    weight is 0 where the scene is unknown."""
+    """Returns each pixel's weight 1 / variance, 1/DN^2, [height][width]. The variance is that of the noise plus, at
+    edges, that of misplacement by edge_discrepancy_m. The weight is 0 where the scene is unknown."""
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if edge_discrepancy_m > 0:
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
@@ -189,9 +189,9 @@ def weight_of(
 def one_of_each_situation(
     observations: Sequence[Observation], seed: int = 0, share: float = _PICKED_SHARE
 ) -> tuple[Observation, ...]:
-    """Chooses one image of each situation (pose and setting) of the right camera, and one of the left camera. A random
-    share of their pixels counts. Every camera effect touches the right camera; the left one shows in what the two
-    differ."""
+    """Returns one right image of each situation (pose and settings), and one left image. In each, only a random share
+    of the pixels counts. Every camera effect acts on the right camera; the left image shows differences between the
+    cameras."""
     seen: set[tuple] = set()
     left = _left_image(observations)
     chosen: list[Observation] = []
@@ -208,8 +208,8 @@ def one_of_each_situation(
 
 
 def _left_image(observations: Sequence[Observation]) -> Observation | None:
-    """Returns the left camera's first image, or the last of its repeats: that shows flickering light at one more
-    instant."""
+    """Returns the left camera's first image, or the last one of its repeats; None if there is none. The last repeat
+    shows flickering light at another time."""
     left = [o for o in observations if o.side == "left"]
     group = left[0].frame.repeat_group if left else None
     repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges random fields that last (gains and offsets of pixels, rows, dots; speckle): one frame predicts another's.
+"""Judges random fields that stay the same from frame to frame: gains and offsets of pixels, rows or dots, and speckle.
 
 A draw is one random number of a field, such as the gain of one pixel, one row or one dot. Each field is a
-random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). b is predicted for each group of frames
-from the other groups alone (best linear unbiased prediction, Robinson 1991). The fall of the squared error is therefore
-not overfitted.
+random-effects model: residual = lever * b[draw] + noise, b ~ N(0, sigma^2). For each group of frames, b is predicted
+from the other groups alone (best linear unbiased prediction, Robinson 1991). So the fall of the squared error is not
+overfitted.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -41,13 +41,13 @@ _CLEAR_OF_ENDS = 2.0
 
 
 def pose_key(o: Observation) -> tuple[bytes, bool]:
-    """Returns a key that is equal for images of one pose, and apart for moving and resting frames."""
+    """Returns a key that is equal for images taken at the same pose, both moving or both at rest."""
     return o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 def lever_image(lever: Lever, frame: Frame, expected: np.ndarray, projector: np.ndarray, black_dn: float) -> np.ndarray:
-    """Returns by how many DN a random draw of standard deviation 1 changes each pixel at parameter value 1,
-    [height][width]. lever: the signal that scales the draw."""
+    """Returns the change in DN of each pixel, [height][width], by a random draw of 1 at parameter value 1. lever: the
+    signal that the draw multiplies."""
     if lever is Lever.SIGNAL:
         return expected - black_dn
     if lever is Lever.PROJECTOR:
@@ -60,8 +60,7 @@ def lever_image(lever: Lever, frame: Frame, expected: np.ndarray, projector: np.
 
 
 def draws_growth(effect: Effect, errors: ImageErrors, black_dn: float) -> float:
-    """Returns how many times the squared error in DN that an effect's draws leave is larger on test than on train
-    frames."""
+    """Returns the ratio of the squared errors that an effect's draws leave on test frames and on train frames."""
     growth = []
     for term in effect.random_terms:
         squares: dict[str, list[float]] = {}
@@ -76,8 +75,8 @@ def draws_growth(effect: Effect, errors: ImageErrors, black_dn: float) -> float:
 
 
 def _draw_index(term: RandomTerm, o: Observation, known: dict[Hashable, Any]) -> np.ndarray:
-    """Returns the number of each pixel's draw, [height][width]: pixels with the same number share one draw. known: kept
-    between the calls for one effect."""
+    """Returns the index of each pixel's draw, [height][width]; pixels with the same index share one draw. known: a
+    cache to pass again in all calls for one effect."""
     height, width = o.measured.shape
     right = o.side == "right"
     if term.shared_by is SharedBy.COLUMN:
@@ -99,7 +98,7 @@ def _draw_index(term: RandomTerm, o: Observation, known: dict[Hashable, Any]) ->
 
 
 def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[int, ...]:
-    """Returns the shape of the grid on which draws lie."""
+    """Returns the shape of the grid of draws in one image (for dots: of the pattern's cells)."""
     if shared_by is SharedBy.COLUMN:
         return o.measured.shape[1:]
     if shared_by is SharedBy.ROW:
@@ -110,11 +109,12 @@ def draw_grid(shared_by: SharedBy, o: Observation) -> tuple[int, ...]:
 
 
 def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.ndarray]], float]) -> float:
-    """Returns estimated over true variance for gains that vary independently from dot to dot.
+    """Returns the ratio of estimated to true variance for gains that vary independently from dot to dot.
 
-    The estimate bins dots into cells of the pattern; neighbouring dots share pixels and cells, so it is too small. The
-    factor comes from simulated gains (method of simulated moments: McFadden 1989): mean 1, deviation _SPREAD, and each
-    pattern pixel has the nearest dot's. variance_of: estimates the variance from the train images' residuals.
+    The estimate bins dots into cells of the pattern. It is too small, because neighbouring dots share pixels and cells.
+    The ratio comes from simulated gains (method of simulated moments: McFadden 1989) with mean 1 and deviation _SPREAD.
+    Each pattern pixel has the gain of the nearest dot. variance_of: estimates the variance from the train images'
+    residuals.
     """
     first = train[0][0].view
     pattern = first.pattern
@@ -134,11 +134,11 @@ def dots_seen(train: Sequence[ImageResidual], variance_of: Callable[[list[np.nda
 
 @dataclass(frozen=True)
 class FieldFit:
-    """The fit of an effect's random fields (one random number, a draw, for each pixel, row, dot or so).
+    """The fit of an effect's random fields, each with one random number (a draw) per pixel, row, dot or similar.
 
     residuals: of the train images, DN [height][width], after the draws predicted from other images are subtracted.
-    sigma, error: {parameter: standard deviation of the draws, its standard error}. share: part of the places that have
-    a draw in a sparse field. unforeseen: expected squared error of the predicted draws, noise variances per pixel.
+    sigma, error: {parameter: standard deviation of the draws; its standard error}. share: for a sparse field, the share
+    of pixels that have a draw. unforeseen: expected squared error of the predicted draws, in noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]
@@ -149,19 +149,19 @@ class FieldFit:
 
 
 def has_extended_draws(effect: Effect) -> bool:
-    """Returns whether neighbouring pixels share a draw of the effect: such draws are structure until they are
+    """Returns whether neighbouring pixels share a draw of the effect. Such draws count as structure until they are
     predicted."""
     return any(term.shared_by not in (SharedBy.PIXEL, SharedBy.VIEW) for term in effect.random_terms)
 
 
 def is_sparse(effect: Effect) -> bool:
-    """Returns whether only a share of the places has a draw of the effect."""
+    """Returns whether only a share of the pixels has a draw of the effect, such as hot pixels."""
     return any(term.sparse_share for term in effect.random_terms)
 
 
 def imitates(effect: Effect, other: Effect) -> bool:
-    """Returns whether one effect's draws can take the place of the other's, but not the reverse: offsets of all places
-    that of outliers, and draws of one view that of draws that last."""
+    """Returns whether draws of `effect` can explain draws of `other`, but not the reverse. Offsets of all pixels
+    imitate outliers, and draws of a single view imitate draws that all views share."""
     if is_sparse(other):
         return all(term.lever is Lever.ONE for term in effect.random_terms)
     of_view, lasting = ([t.shared_by is SharedBy.VIEW for t in e.random_terms] for e in (effect, other))
@@ -181,9 +181,9 @@ def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
 def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
 ) -> dict[str, tuple[float, FieldFit]]:
-    """Fits lasting random fields: one random number (a draw) for each pixel, row, column or dot, which other frames
-    predict. Returns {effect: (share of chi2 that the predicted draws explain, its fit)}. Fields that last only while
-    the rig stands still need residuals that are white over the image."""
+    """Fits the random fields of effects, whose draws other frames predict. Returns {effect: (share of chi2 that the
+    predicted draws explain, the fit)}. Fields that last only while the rig stands still are skipped unless residuals
+    are uncorrelated between neighbouring pixels. black_dn: the black level."""
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}
@@ -203,9 +203,9 @@ def fields_of(
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
-    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, edges
-    left out. Speckle grains are; shifted, dimmed or blurred dots are not. neighbours: the largest correlation
-    allowed."""
+    """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, without
+    edges. That holds for speckle grains, but not for shifted, dimmed or blurred dots. neighbours: the largest
+    correlation allowed."""
     by_view: dict[object, list[np.ndarray]] = {}
     for o, _, _, r in rows:
         view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
@@ -222,7 +222,7 @@ def fit_fields(
 ) -> FieldFit | None:
     """Fits an effect's random fields one after another, each to what the earlier ones leave.
 
-    Returns None if there are fewer than two groups of frames, or the residual neither repeats nor is random. curves:
+    Returns None if there are fewer than two groups of frames, or if no field repeats and is random. curves:
     level_means() of each train image, subtracted first: an error that depends on brightness alone is no random field.
     """
     known, share, unforeseen, found = dict[Hashable, Any](), 0.0, 0.0, False
@@ -273,14 +273,15 @@ def level_means(row: ImageResidual) -> np.ndarray:
 
 
 def _outlier_sigma(totals: np.ndarray, numbers: Numbers) -> float:
-    """Returns how many noise deviations an outlier exceeds: more where all places have draws, which are none."""
+    """Returns the threshold above which a draw is an outlier, in noise standard deviations. It is higher if most draws
+    exceed the noise, because then ordinary draws are not outliers."""
     a, b = totals[:, totals[0] > 0]
     return numbers.outlier * max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
 
 
 def _exponential_tail(totals: np.ndarray, hot_sigma: float) -> tuple[float, float, float]:
-    """Returns (share of places with a draw, mean draw, its standard error) of exponential draws of which those beyond
-    hot_sigma noise deviations are seen. What a draw exceeds its threshold by has the same mean as all draws."""
+    """Returns (share of pixels with a draw, mean draw, its standard error) for exponential draws. Only draws beyond
+    hot_sigma noise deviations are seen. Their mean excess over the threshold equals the mean of all draws."""
     strong = _exceeds_noise(totals, hot_sigma)
     if not strong.any():
         return 0.0, 0.0, 0.0
@@ -291,16 +292,16 @@ def _exponential_tail(totals: np.ndarray, hot_sigma: float) -> tuple[float, floa
 
 
 def _exceeds_noise(totals: np.ndarray, hot_sigma: float) -> np.ndarray:
-    """Returns where the draws of a sparse field exceed hot_sigma noise deviations, bool [draw]."""
+    """Returns whether each draw of a sparse field exceeds hot_sigma noise deviations, bool [draw]."""
     a, b = totals
     return b > hot_sigma * np.sqrt(np.maximum(a, 1e-30))
 
 
 @dataclass(frozen=True)
 class _Row:
-    """Holds one image's sums for predicting its draws b: a = w z^2 and b = w z r over each draw's pixels, with weight
-    w, lever z (DN per draw) and residual r. index: each pixel's draw. group: of frames; draws of one group's images are
-    predicted only from other groups."""
+    """One image's sums for the prediction of its draws: a = sum of w z^2 and b = sum of w z r over each draw's pixels.
+    weight w, lever z (DN per draw), residual r: [height][width]. index: each pixel's draw. group: the group of frames;
+    draws in a group are predicted only from other groups."""
 
     group: Hashable
     index: np.ndarray
@@ -317,9 +318,9 @@ class _Row:
 def _row_of(
     term: RandomTerm, image: ImageResidual, residual: np.ndarray, black_dn: float, known: dict[Hashable, Any]
 ) -> _Row:
-    """Makes the _Row of an image. Frames of one pose are one group, because they share other errors too, such as
-    misplaced edges. Draws that last only while the rig stands still exist in one view alone, so its other frames
-    predict them; pixels at edges get weight 0 then."""
+    """Returns the _Row of an image. Usually all frames at one pose form one group, because they share other errors too,
+    such as misplaced edges. Draws that last only while the rig stands still exist in one view alone. For them each
+    frame is a group, and pixels at edges get weight 0."""
     o, is_still = image.observation, term.shared_by is SharedBy.VIEW
     group = o.frame.id if is_still else o.frame.camera_to_world.tobytes()
     weight = np.where(edges(o), 0.0, o.weight) if is_still else o.weight
@@ -328,8 +329,8 @@ def _row_of(
 
 
 def _is_random(totals: np.ndarray, variance: float, shape: tuple[int, ...], numbers: Numbers) -> bool:
-    """Returns whether draws _APART steps apart on their grid are independent: their covariance is a small part of the
-    variance."""
+    """Returns whether draws that lie _APART steps apart on their grid are independent. Their covariance must be a small
+    share of the variance."""
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
     a, b = (total[:count].reshape(-1, *shape) for total in totals)
     for axis in range(1, a.ndim):
@@ -341,7 +342,7 @@ def _is_random(totals: np.ndarray, variance: float, shape: tuple[int, ...], numb
 
 
 def _unclipped(rows: Sequence[_Row], train: Sequence[ImageResidual], variance: float) -> list[_Row]:
-    """Returns the rows with weight 0 for pixels that a draw of this variance may bring to an end of the range."""
+    """Returns the rows with weight 0 at pixels that draws of this variance may clip at 0 or at the largest DN."""
     out = []
     for row, (o, image, *_) in zip(rows, train, strict=True):
         reach = _CLEAR_OF_ENDS * np.sqrt(max(variance, 0.0)) * np.abs(row.z)
@@ -358,10 +359,10 @@ def _group_sums(rows: Sequence[_Row]) -> dict[Hashable, np.ndarray]:
 
 
 def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
-    """Returns (variance of the draws, standard error of its square root).
+    """Returns (variance of the draws, standard error of their standard deviation).
 
-    Only products of different groups count, which are unbiased under any noise that groups do not share. The error
-    comes from a jackknife over interleaved subsets of the draws.
+    Only products of different groups count. They are unbiased under any noise that groups do not share. The error comes
+    from a jackknife over interleaved subsets of the draws.
     """
     groups = _group_sums(rows).values()
     a, b = (np.array([sums[i] for sums in groups]) for i in range(2))
@@ -380,9 +381,9 @@ def _variance(rows: Sequence[_Row]) -> tuple[float, float]:
 def _corrected(
     row: _Row, rows: Sequence[_Row], totals: np.ndarray, variance: float, hot_sigma: float | None, outlier: float
 ) -> np.ndarray:
-    """Returns an image's residual minus the draws that other groups of frames predict, DN. hot_sigma: in a sparse
-    field, only draws beyond this many noise deviations are subtracted; None: all but outliers, which are draws of
-    another field: beyond so many deviations of this one."""
+    """Returns an image's residual in DN minus the draws that other groups of frames predict. hot_sigma: in a sparse
+    field, only draws beyond this many noise deviations are subtracted. None: all draws are subtracted except those
+    beyond `outlier` deviations of this field, which belong to another field."""
     others = _leave_one_out_sums(row, rows, totals)
     a, b = others
     if hot_sigma is None:
@@ -394,6 +395,6 @@ def _corrected(
 
 
 def _leave_one_out_sums(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
-    """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
-    groups."""
+    """Returns the sums (a, b) over all groups of frames except the image's own group, [2][draw]. totals: the sums over
+    all groups."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits a model to observations: weighted least squares in effect parameters and nuisances jointly.
+"""Fits a model to observations by weighted least squares in effect parameters and nuisances jointly.
 
-Free are the parameters of every effect in a ParameterSpace, projector scale, ambient scale, black level, and, under
-priors, focal lengths, albedos and geometry. The method is Gauss-Newton with Levenberg's damping. Images are recomputed
-at every step, never extrapolated.
+The free nuisances are projector scale, ambient scale, black level and, under priors, focal lengths, albedos and
+geometry. The method is Gauss-Newton with Levenberg's damping. Images are recomputed at every step, never extrapolated.
 """
 
 from collections import OrderedDict
@@ -25,9 +24,9 @@ from activestereo.effects.core.model import Nuisances
 # neutral.
 _STEP = 0.02
 _DISTANCE_SHARE = 0.25
-# Deviation of a parameter's prior, in ranges: it only breaks ties.
+# Standard deviation of a parameter's prior, in widths of its range: the prior only breaks ties.
 _PRIOR_RANGES = 3.0
-# Deviation of a measured black level's prior, as a share of the measured deviation.
+# Standard deviation of a measured black level's prior, as a share of the measured standard error.
 _HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
@@ -37,9 +36,9 @@ _REMEMBERED = 3
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The parameters of a model's deterministic effects, and of one candidate after them, as one vector theta.
+    """The parameters of a model's deterministic effects, then those of one candidate effect, as one vector theta.
 
-    pairs: (Effect, Parameter) of each entry of theta. start: theta at the start of fits.
+    base: the model. pairs: (Effect, Parameter) of each entry of theta. start: theta at the start of fits.
     """
 
     base: Model
@@ -48,8 +47,8 @@ class ParameterSpace:
 
     @classmethod
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
-        """Makes the space of a model's deterministic effects, started at their values, and a candidate's, started at
-        neutral."""
+        """Makes the space of a model's deterministic effects and of a candidate. A fit starts at the model's values,
+        and at the neutral values of the candidate."""
         fitted = [(e, values) for e, values in model.effects if e.randomness is Randomness.NONE]
         pairs = [(e, p) for e, _ in fitted for p in e.parameters]
         start = [values[p.name] for e, values in fitted for p in e.parameters]
@@ -59,7 +58,7 @@ class ParameterSpace:
         return cls(model, tuple(pairs), np.array(start, dtype=np.float64))
 
     def of_parameters(self, name: str) -> np.ndarray:
-        """Returns one field of every parameter, [n]."""
+        """Returns one attribute (`name`) of every parameter, [n]."""
         return np.array([getattr(p, name) for _, p in self.pairs])
 
     @property
@@ -84,12 +83,12 @@ class ParameterSpace:
 
     @property
     def given(self) -> np.ndarray:
-        """Returns which parameters are choices, such as a set of surfaces, which no fit changes, bool [n]."""
+        """Returns which parameters are choices, such as a set of surfaces, bool [n]. No fit changes them."""
         return self.of_parameters("choice").astype(bool)
 
     @property
     def in_light(self) -> np.ndarray:
-        """Returns which parameters belong to effects on the light before the sensor, up to the lens, bool [n]."""
+        """Returns which parameters belong to effects on the light, up to and including the lens, bool [n]."""
         return np.array([e.stage <= Stage.OPTICS for e, _ in self.pairs], dtype=bool)
 
     def model(self, theta: np.ndarray) -> Model:
@@ -103,7 +102,8 @@ class ParameterSpace:
         return model
 
     def steps(self, theta: np.ndarray) -> np.ndarray:
-        """Returns finite-difference steps that stay in range."""
+        """Returns the finite-difference step of each parameter, [n]. It is negative where a positive step would leave
+        the range."""
         step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
         step = np.minimum(step, self.slope_step)
         return np.where(theta + step > self.high, -step, step)
@@ -147,8 +147,8 @@ def fit_key(observations: str, space: ParameterSpace, *values: object) -> str | 
 
 
 class ImageResidual(NamedTuple):
-    """One observation under a solution; images [height][width] in DN. projector: the projector's direct light.
-    residual: measured minus expected, 0 at pixels where the scene is unknown."""
+    """One observation under a solution; images [height][width] in DN. expected: the fitted image. projector: the
+    projector's direct light. residual: measured minus expected, 0 at pixels where the scene is unknown."""
 
     observation: Observation
     expected: np.ndarray
@@ -157,10 +157,10 @@ class ImageResidual(NamedTuple):
 
 
 class Fitter:
-    """Fits models to given observations.
+    """Fits models to a fixed set of observations.
 
-    prior: of the nuisances. tiles: their number over all train observations. supersampled: False makes warps read
-    pixels only, which serves fast scans. memory: the cache that keeps fits, or None.
+    prior: of the nuisances. tiles: the number of tiles in all train observations. supersampled: False makes warps read
+    pixels only, for fast scans. memory: the cache that keeps fits, or None.
     """
 
     def __init__(
@@ -223,7 +223,8 @@ class Fitter:
         return self._lights(model, i, self._supersampled)
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
-        """Returns every observation under a solution. Those of the last few solutions are kept in memory."""
+        """Returns the ImageResidual of every observation under a solution. Results for the last few solutions are
+        cached."""
         if id(solution) not in self._residuals:
             self._residuals[id(solution)] = solution, self._residuals_of(solution)
         self._residuals.move_to_end(id(solution))
@@ -242,8 +243,8 @@ class Fitter:
         return out
 
     def chi2(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> float:
-        """Returns the weighted squared residuals of the pixels under (theta, phi), plus the squared nuisances in prior
-        deviations."""
+        """Returns the weighted sum of squared residuals over all pixels under (theta, phi), plus the squares of
+        sigmas(phi)."""
         model = space.model(theta)
 
         def squares(pixels: Pixels, light: Light) -> float:
@@ -253,7 +254,8 @@ class Fitter:
         return sum(map(squares, self.pixels(), lights)) + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
-        """Returns the distance of nuisances from their prior means, in prior deviations."""
+        """Returns the distances of nuisances from their prior means, in prior deviations, [n]; scales and black level
+        are left out."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
@@ -268,8 +270,8 @@ class Fitter:
     def pixel_slopes(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light], n_theta: int
     ) -> Iterator[tuple[Pixels, list[np.ndarray], np.ndarray]]:
-        """Yields, for each observation, (pixels, derivatives [n] by the first n_theta of theta, scales, black level and
-        focal lengths, residual [n])."""
+        """Yields (pixels, derivatives, residual [n]) for each observation. Derivatives are [n] each, by the first
+        n_theta entries of theta, then by projector scale, ambient scale, black level and both focal lengths."""
         steps, one, here = space.steps(theta), np.eye(len(theta), dtype=bool), space.model(theta)
         models = [space.model(np.where(one[j], theta + steps, theta)) for j in range(n_theta)]
         for i, (pixels, light) in enumerate(zip(self.pixels(), lights, strict=True)):
@@ -287,11 +289,11 @@ class Fitter:
             yield pixels, columns, pixels.measured - _moved(image, pixels, phi)
 
     def covariance(self, solution: Solution) -> np.ndarray:
-        """Returns the covariance of theta, [n][n], which does not assume independent pixels.
+        """Returns the covariance of theta, [n][n], without the assumption of independent pixels.
 
-        It is the sandwich over clusters of errors (Liang and Zeger 1986): blocks of a camera's image, repeats and
-        settings of one pose together. Errors of the scene measurement add to it, because priors hold the nuisances near
-        wrong values.
+        It is the sandwich estimate over clusters of errors (Liang and Zeger 1986). A cluster is one block of a camera's
+        image at one pose, with all repeats and settings. Errors of the scene measurement are added, because priors hold
+        the nuisances near wrong values.
         """
         n = len(solution.theta)
         rows, prior = self.inverse(solution)[:n], self.prior(n, solution.space)
@@ -307,9 +309,9 @@ class Fitter:
         return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
 
     def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
-        """Returns the distance of the farthest albedo from the scene's, in stated deviations; farthest=2 is the second
-        one, and so on. It is 0 if there are fewer. Light and albedos share one factor, which is fixed so that the
-        median material reflects as stated."""
+        """Returns the distance of an albedo from the scene's, in stated deviations: of the farthest one, or with
+        farthest=2 of the second farthest, and so on. It is 0 if there are too few. Light and albedos share one factor,
+        which is fixed so that the median material reflects as stated."""
         factors = np.append(1.0, 1.0 + solution.phi[DENSE : DENSE + self.materials])
         sigmas = np.sort(np.abs(factors / np.median(factors) - 1.0)) / stated
         return float(sigmas[-farthest]) if len(sigmas) > farthest else 0.0
@@ -322,7 +324,8 @@ class Fitter:
     def solve(
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
     ) -> np.ndarray:
-        """Returns the damped Gauss-Newton step in (theta, phi)."""
+        """Returns the damped Gauss-Newton step in (theta, phi). sums: normal equations. n_theta: the number of entries
+        of theta to solve for, 0 or all."""
         pull = self.pull(phi, n_theta, space, theta)
         gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -336,8 +339,9 @@ class Fitter:
         return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
-        """Returns the precisions of the priors of (theta, phi): weak for effects, 0 for scales, and the nuisances' own.
-        A measured black level is held tightly, because a missing effect bends it by more than its deviation."""
+        """Returns the prior precisions of (theta, phi): weak for effects, 0 for scales, and nuisance_prior for the
+        other nuisances. A measured black level is held tightly, because a missing effect shifts it by more than its
+        deviation."""
         known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
@@ -355,8 +359,8 @@ class Fitter:
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
-        """Fits from a start (theta, phi); returns the Solution. It stops after `iterations`, or when chi2 falls by less
-        than a share `tolerance`."""
+        """Fits from a start (theta, phi); returns the Solution. The fit stops after `iterations`, or when chi2 falls by
+        less than a fraction `tolerance`."""
         make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
         found = self.remembered(make, space, theta, phi, iterations, tolerance)
         return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
@@ -390,14 +394,15 @@ class Fitter:
 
 
 def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray) -> np.ndarray:
-    """Returns the expected image in DN, float64 [height][width]."""
+    """Returns an observation's expected image in DN, float64 [height][width]."""
     pixels = AllPixels(observation)
     image = _moved(exposed(model, pixels, light, phi)[0], pixels, phi)
     return image.reshape(observation.measured.shape)
 
 
 def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """Returns the expected values [n] moved by focal lengths and geometry, clipped to the range if they move."""
+    """Returns the expected values [n] after first-order changes by focal lengths and geometry. Changed values are
+    clipped to 0..max_dn."""
     o = pixels.observation
     twists = phi[SCALES + o.geometry_places].astype(np.float32)
     change = phi[SCALES + o.view.is_right] * pixels.focal_slope

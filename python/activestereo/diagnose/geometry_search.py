@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the poses of views and projector from the images and the poses that the capture states.
+"""Estimates the poses of views and projector from the images, starting from the poses that the capture states.
 
-The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images. If the corrections change the
+The search is Gauss-Newton on the nuisances of a fit (fitter.py), first on blurred images. If corrections change the
 images by more than a linear step allows, the capture is rendered again at the corrected poses. The prior stays around
 the stated poses, so that a later fit with an effect can take a correction back.
 
-Lens distortion is fitted along if the images ask for it. Otherwise focal lengths and poses would absorb a part of it.
+A lens distortion is fitted too if the images need one. Otherwise focal lengths and poses would absorb a part of it.
 
-Rolling shutters, clocks and motion blur displace moving views, too. A moving view that would be corrected by far more
-than the views at rest keeps its stated pose, for an effect to explain.
+Rolling shutters, clocks and motion blur also displace moving views. A moving view whose correction is far larger than
+those of views at rest keeps its stated pose, so that an effect can explain it.
 """
 
 from collections.abc import Callable, Sequence
@@ -58,8 +58,8 @@ Render = Callable[[Capture], LayersOfFrames]
 
 
 def coarse(o: Observation, sigma_px: float) -> Observation:
-    """Returns the observation under a Gaussian blur of measured image, lights and slopes. Of the pixels, only every
-    sigma_px-th of every sigma_px-th row counts."""
+    """Returns the observation with a Gaussian blur of measured image, lights and slopes. Only every sigma_px-th pixel
+    of every sigma_px-th row counts."""
     known = o.view.known
     share: np.ndarray | float = 1.0 if known is None else np.maximum(blur(known.astype(np.float32), sigma_px), _LEAST)
 
@@ -84,9 +84,9 @@ def coarse(o: Observation, sigma_px: float) -> Observation:
 
 @dataclass(frozen=True)
 class _Step:
-    """One correction of the geometry. focal: relative changes of the focal lengths; twists: changes of poses as in
-    Geometry.twists(); deviations: standard errors of focal, then twists. misfit: as in Geometry.
-    left: mean square of the remaining residual, in units of the noise's variance."""
+    """One correction of the geometry. focal: relative changes of the focal lengths. twists: changes of poses in the
+    order of Geometry.twists(). deviations: standard errors of focal, then of twists. misfit: as in Geometry. left: mean
+    square of the remaining residual, in noise variances."""
 
     focal: np.ndarray
     twists: np.ndarray
@@ -104,10 +104,10 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
 ) -> Evidence:
-    """Gathers the Evidence of the train frames with their geometry corrected. capture: as stated. render: returns a
-    capture's layers. model: the effects that are known already. memory: keeps the geometry for a second diagnosis;
-    rendered_by: all that decides the layers, for its key. near: the evidence from which to search on under another
-    model; it is returned itself if nothing must be rendered again."""
+    """Returns the Evidence of the train frames at the estimated poses. capture: with stated poses. render: returns a
+    capture's layers. model: the effects known already. memory: caches the geometry for later diagnoses. rendered_by:
+    all that determines the layers, for the cache key. near: the evidence to start from, found under another model. It
+    is returned itself if nothing must be rendered again."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
@@ -128,9 +128,8 @@ def gather_where_it_stands(
 
 
 def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
-    """Returns the evidence from which to search on: near, or the one at the stated geometry if that fits better. A rig
-    that was searched without the model absorbs a part of the model's effects. It then moves dots beyond their width,
-    and so hides the effects."""
+    """Returns the evidence to start from: near, or the evidence at the stated geometry if that fits better. Poses found
+    without an effect absorb a part of it. They may move dots by more than their width, and so hide the effect."""
     step = _step(near, model)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
         return near
@@ -143,7 +142,7 @@ def _is_same(a: Geometry, b: Geometry) -> bool:
 
 
 def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: Evidence | None) -> str | None:
-    """Returns the cache key of a geometry search; None if a part of the model is a user's own."""
+    """Returns the cache key of a geometry search; None if the model has a user's own effect."""
     effects = [(effect_content(effect), values) for effect, values in model.effects]
     if any(content is None for content, _ in effects):
         return None
@@ -152,8 +151,8 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
-    """Searches the geometry by up to one step per blur and a last sharp step, or without blurs by sharp steps alone;
-    returns the evidence rendered there. Blurred images, which see further, are used only if the sharp ones need a
+    """Searches the geometry, and returns the evidence rendered there. With blurs it makes one step per blur and a last
+    sharp step, else sharp steps alone. Blurred images reveal larger errors, but are used only if sharp images need a
     correction."""
 
     def again(geometry: Geometry) -> Evidence:
@@ -174,8 +173,8 @@ def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequen
 def _moved(
     evidence: Evidence, focal: np.ndarray, twists: np.ndarray, again: Callable[[Geometry], Evidence]
 ) -> Evidence:
-    """Returns the evidence at the corrected geometry, made by again(geometry); itself if the images hardly change.
-    Moving poses that would be corrected by far more than the others go back to their stated place."""
+    """Returns the evidence at the corrected geometry, made by again(geometry). If the images hardly change, it returns
+    the evidence itself. Moving poses with far larger corrections than the others go back to their stated values."""
     twists, stated = twists.copy(), _pose_mask(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
     if _change(evidence, focal, twists) < _LINEAR_SHARE:
@@ -184,8 +183,8 @@ def _moved(
 
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
-    """Returns one correction: from the train frames at rest, then of the poses that only moving frames have. Moving
-    frames affect no other unknown, because motion shows more than geometry."""
+    """Returns one correction of the geometry. It fits train frames at rest, then the poses that only moving frames
+    have. Moving frames influence no other unknown, because motion has effects beyond geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
     fitted = {o.key for o in at_rest}
     others = [_thinned(o, blur_px, evidence.seed) for o in evidence.train if o.key not in fitted]
@@ -224,9 +223,8 @@ def _own_step(
     held: np.ndarray | None,
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (step, variance) of the numbers at indices `own` of the prior, which only the observations `others`
-    depend on. held: the precision of each number of theta from other observations; theta is fitted along. None: theta
-    stays."""
+    """Returns (step, variance) of the nuisances at indices `own`, on which only the observations `others` depend. held:
+    prior precision of each entry of theta from other observations, and theta is fitted too; None: theta stays fixed."""
     in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
     fitter = Fitter(in_one_tile, prior, evidence.tiles, supersampled)
     sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
@@ -241,8 +239,9 @@ def _own_step(
 
 
 def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
-    """Returns the evidence with its test frames at corrected poses, found under a solution's model and nuisances.
-    model: the solution's, with its effects' own functions. render: returns the layers of a capture's test frames."""
+    """Returns the evidence with test frames, at poses estimated under a solution's model and nuisances. model: the
+    solution's model with original image functions (restore_functions()). render: returns the layers of a capture's test
+    frames."""
     space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
     held = _pose_mask(evidence.geometry.held_out())
     own = len(SIDES) + evidence.materials + np.flatnonzero(held)
@@ -274,8 +273,8 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
 
 
 def _thinned(o: Observation, blur_px: float, seed: int) -> Observation:
-    """Returns the observation blurred, or for blur_px = 0 with a random part of its pixels, the same ones for all
-    frames of one camera and pose."""
+    """Returns the observation blurred by blur_px. If blur_px is 0, it returns a random part of the pixels instead, the
+    same part in all frames of one camera and pose."""
     if blur_px:
         return coarse(o, blur_px)
     view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
@@ -287,8 +286,8 @@ def _thinned(o: Observation, blur_px: float, seed: int) -> Observation:
 def _fit_at_rest(
     evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
 ) -> tuple[Fitter, Solution]:
-    """Fits the frames at rest with the likelihood divided by the misfit. If sharp images need a correction, it fits
-    again with a distorting lens, which may be the true cause."""
+    """Fits the frames at rest with the likelihood divided by the misfit; returns (fitter, solution). If sharp images
+    need a correction, it fits again with a lens distortion, which may be the true cause."""
     prior = replace(evidence, geometry=replace(evidence.geometry, misfit=misfit)).nuisance_prior()
     fitter = Fitter(at_rest, prior, evidence.tiles, not blur_px)
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
@@ -300,15 +299,17 @@ def _fit_at_rest(
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:
-    """Returns the factor by which the likelihood counts too many pixels, from the scatter of the tiles' chi2."""
+    """Returns the factor by which the likelihood overcounts independent pixels, from the scatter of chi2 between
+    tiles."""
     tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
     design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
     return design * max(1.0, solution.sums.total / pixels.sum())
 
 
 def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
-    """Returns the parameter space and start of the fit: the model's own, or with a lens if a scan finds that it helps.
-    A fit from neutral would not find the lens: the nuisances absorb its displacements and hold its parameters."""
+    """Returns (parameter space, theta) where the fit starts: the model's own, or with a lens distortion if a scan of
+    values improves chi2 enough. From neutral a fit would not find the distortion, because nuisances absorb its
+    displacements."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)
@@ -331,12 +332,13 @@ def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarra
 
 
 def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """Returns the entries of the prior's vector for focal lengths and twists."""
+    """Returns a vector in the order of NuisancePrior without its albedos: focal lengths, then twists."""
     return np.delete(stated, np.arange(evidence.materials) + len(SIDES))
 
 
 def standing(evidence: Evidence, solution: Solution) -> Geometry:
-    """Returns the geometry under a solution (the stated or rendered one if images hardly change between them)."""
+    """Returns the geometry under a solution. It is the stated or the rendered geometry if images hardly differ from
+    theirs."""
     focal, twists = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
     if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:
@@ -345,8 +347,7 @@ def standing(evidence: Evidence, solution: Solution) -> Geometry:
 
 
 def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
-    """Returns a mask [poses] of the moving frames' poses whose correction is far larger than those of frames at
-    rest."""
+    """Returns a mask [poses]: moving frames' poses whose total correction is far larger than those of poses at rest."""
     sigma = evidence.nuisance_prior().sigma[len(SIDES) + evidence.materials :]
     strain = np.abs((evidence.geometry.twists() + twists) / sigma).reshape(-1, TWIST)[1:].max(axis=1)
     moves = evidence.geometry.moving()
@@ -354,12 +355,12 @@ def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
 
 
 def _pose_mask(chosen: np.ndarray) -> np.ndarray:
-    """Returns a mask of the numbers in Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
+    """Returns a mask of the entries of Geometry.twists() that belong to the chosen poses. chosen: mask [poses]."""
     return np.repeat(np.concatenate([[False], chosen]), TWIST)
 
 
 def _change(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> float:
-    """Returns the root mean square change by a step, in noise deviations, of the image that it changes most."""
+    """Returns how much a step changes the image that it changes most: root mean square in noise deviations."""
     stated = np.insert(np.concatenate([focal, twists]), [len(SIDES)] * evidence.materials, 0.0)
     squares = []
     for o in (*evidence.train, *evidence.test):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The search: score all effects, fit the few that matter, name the best as missing, and repeat until none passes.
+"""The search: score all effects, fit the likeliest few, name the best one as missing, and repeat until none passes.
 
-One dictionary of image changes serves all rounds. After an effect is named the weights are estimated again, because it
-had passed for noise and misplaced edges. The rig's geometry is measured again too.
+One dictionary of image changes serves all rounds. After an effect is named, the pixels' weights are estimated again,
+because the missing effect had passed for noise and misplaced edges. The rig's geometry is estimated again too.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,8 +38,8 @@ from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.descriptor import Channel, CodeSteps
 
-# The best few effects are fitted, if their scores gain this part of the best score. A fit gains at most so many times
-# its score. Beyond so many times the needed gain, random fields need no check.
+# At most _FITTED effects are fitted, if their score is more than _NEAR times the best one. A fit gains at most _LINE_SHORT
+# times its score. If scores exceed _CLEAR times the needed gain, random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
 # Effects lead the first look if one shape gains this part of the best one's gain.
 _LEADS = 0.1
@@ -81,7 +81,8 @@ class Search:
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
-        """Adds the best effect to the model until no further effect passes the tests, then returns the Outcome."""
+        """Names the best missing effect, round by round, until no further effect passes the tests. Returns the
+        Outcome."""
         linear = linearised(self._scored, self._solution)
         atoms = self._atoms(linear)
         columns = self._columns(linear, atoms)
@@ -106,8 +107,8 @@ class Search:
         )  # fmt: skip
 
     def look(self) -> list[str]:
-        """Scores one shape of each effect, then all shapes of the effects that lead. Returns the ids of the likeliest
-        effects by the second score."""
+        """Returns the ids of the likeliest effects by score alone, without fits. It scores one trial shape of each
+        effect first, then all shapes of the best effects."""
         linear = linearised(self._scored, self._solution)
         atoms = self._atoms(linear)
 
@@ -120,7 +121,7 @@ class Search:
         return list(seen([a for a in atoms if a.effect.id in found and found[a.effect.id].gain > least]))
 
     def _atoms(self, linear: Linear) -> list[Atom]:
-        """Returns the trial shapes of all effects of expected images."""
+        """Returns the trial shapes (atoms) of all effects that change the expected images."""
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         return atoms_of(linear, images, self._numbers.prior_reach, self._settings.workers, self._settings.memory)
 
@@ -136,8 +137,8 @@ class Search:
         return self._chi2 / self._pixels - 1.0
 
     def _name_noise(self) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-        """Fits the effects of temporal noise to repeated frames, and names those that are significant. Returns
-        ({effect: fitted noise term}, {effect: why it was not judged})."""
+        """Fits the effects of temporal noise to repeated frames, and names the significant ones. Returns ({effect:
+        fitted noise term}, {effect: why it was not judged})."""
         effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
         terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
         chance = np.log(len(self._effects) / self._numbers.alpha)
@@ -147,9 +148,9 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """Returns the largest move of a pose, focal length or albedo by the named effects, in stated deviations. If air
-        or surface effects are named it is 0, because they change the meaning of an albedo. If no effect is named, it is
-        the second largest albedo's distance, since one albedo may be measured wrong."""
+        """Returns the largest change of a pose, focal length or albedo by the named effects, in stated deviations. It
+        is 0 if air or surface effects are named, because they change the meaning of an albedo. If no effect is named,
+        it is the second largest deviation of an albedo, since one albedo may be measured wrong."""
         if not self._names:
             return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
@@ -157,8 +158,8 @@ class Search:
         return self._fitter.prior_sigmas(self._solution, self._first)
 
     def _use_evidence(self, evidence: Evidence) -> None:
-        """Replaces the evidence, and makes new fitters: of all train pixels, of a random part, and of this part in one
-        image of each situation, for scores and first steps."""
+        """Replaces the evidence and makes new fitters: _whole of all train pixels, _fitter of a random part of them,
+        and _scored of that part in one image of each situation. _scored serves scores and first steps of fits."""
         self._evidence, sized = evidence, (evidence.nuisance_prior(), evidence.tiles)
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
@@ -167,8 +168,9 @@ class Search:
         self._scored = Fitter(few, *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
-        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether one was
-        named. atoms, columns: all trial shapes of effects and their image changes."""
+        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether an effect was
+        named. linear: the linear model at the present fit. atoms, columns: all trial shapes of effects and their image
+        changes."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
@@ -243,8 +245,8 @@ class Search:
         return True
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
-        """Subtracts the predicted draws of a named field from the images, in place of those subtracted before.
-        field: its fit; None: it has no draws. rows: the residuals that it was fitted to."""
+        """Subtracts the predicted draws of a named random field from the measured images, in place of its earlier
+        draws. rows: the residuals that the field was fitted to. field: the fit; None if it found no draws."""
         rest = [row.residual for row in rows] if field is None else field.residuals
         drawn = {row.observation.key: row.residual - left for row, left in zip(rows, rest, strict=True)}
         before, self._draws[name.id] = self._draws.get(name.id, {}), drawn
@@ -252,8 +254,8 @@ class Search:
         self._fit_again(self._solution)
 
     def _draw_again(self) -> None:
-        """Estimates the draws of named fields again, which an effect that was missing had changed. A field without
-        draws goes."""
+        """Estimates the draws of named random fields again after an effect is named, which had distorted them. A field
+        that no longer has draws loses its name."""
         for name in [n for n in self._names if n.field is not None]:
             drawn, at = self._draws[name.id], self._names.index(name)
             rows = [row._replace(residual=row.residual + drawn[row.observation.key]) for row in self._rows]
@@ -268,7 +270,8 @@ class Search:
                 self._names[at] = replace(name, field=field, gain=gain)
 
     def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
-        """Adds effects to the last named one's set that can imitate a part of its image change (stand_ins())."""
+        """Adds to the set of the effect named last those effects that can imitate a part of its image change
+        (stand_ins())."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -279,8 +282,9 @@ class Search:
         self._widen_set(name, stand_ins(linear, name.effect, numbered(others), rows, floor, self._numbers))
 
     def _widen_set_of_inexact(self) -> None:
-        """Adds effects to the set of the name whose formula may have missed most chi2. They gained enough in the last
-        round to be named, but no more than it may have missed. The name may be a part of their image change."""
+        """Widens the set of the named effect whose formula error may explain the most chi2. It adds effects that gained
+        enough in the last round to be named, but no more than this formula error. Their gain may come from the named
+        effect."""
         in_model = {effect.id for effect, _ in self._solution.model.effects}
         inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
         fits = self._rounds[-1].fits
@@ -290,14 +294,14 @@ class Search:
             self._widen_set(inexact, [id for id in self._members(left, fits) if id not in inexact.members])
 
     def _widen_set(self, name: Name, more: Sequence[str]) -> None:
-        """Adds effects to a name's set; together they get the probability 1 - Numbers.credible."""
+        """Adds effects to a name's set. Together they get the probability 1 - Numbers.credible."""
         if more:
             added = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
             self._names[self._names.index(name)] = replace(name, members=kept | added)
 
     def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
-        """Reports the rank of each user's own effect by its score."""
+        """Reports by Settings.says the rank of each user-defined effect among all scores."""
         best = max(c.gain for c in found.values())
         for rank, (name, c) in enumerate(found.items(), 1):
             if builtin().get(name) is not c.best.atom.effect:
@@ -305,13 +309,14 @@ class Search:
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
-        """Returns the fall of chi2 that an effect needs to be named: a share of chi2 beyond noise, with a minimum."""
+        """Returns the least fall of chi2 for which an effect is named: a share of chi2 beyond noise, but at least a
+        minimum."""
         return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
         """Returns whether a fit explains more than errors of the named effects' formulas can. Either its gain exceeds
-        these errors, or the part of its gain that the named effects cannot imitate exceeds them. The second rule holds
-        only for another family of effects: the error of a distortion's formula is a distortion."""
+        these errors, or the part of its gain that the named effects cannot imitate exceeds them. The second test is
+        only for an effect of another family: the error of a distortion's formula is itself a distortion."""
         if self._chi2 - fit.chi2 > self._missed([n.missed for n in self._names]):
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
@@ -327,19 +332,20 @@ class Search:
         return design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
 
     def _missed(self, shares: Sequence[float]) -> float:
-        """Returns the fall of chi2 that the named effects' formulas may have missed. shares: of each effect's gain."""
+        """Returns the fall of chi2 that the named effects' formulas may have missed. shares: the share of each named
+        effect's gain that its formula may miss."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
     def _effect(self, name: str) -> Effect:
         return next(e for e in self._effects if e.id == name)
 
     def _is_open(self, effect: Effect) -> bool:
-        """Returns whether an effect may still be named. One that was dropped stays out, so that the search ends."""
+        """Returns whether an effect may still be named. A dropped effect may not, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
 
     def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
-        """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: chi2 that
-        each effect leaves. Fast formulas of effects are not exact, so log odds are divided by their error. The
+        """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: {effect: chi2
+        of its fit}. Because formulas of effects are not exact, log odds are divided by the error of the formulas. The
         measured error and the usual error have equal weight."""
         best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
         design = self._design(fits.get(best))
@@ -361,8 +367,8 @@ class Search:
         return calibrated(credible(both, self._numbers.credible))
 
     def _accept(self, fit: Solution) -> bool:
-        """Continues the search from a fit with one more named effect: estimates the poses and the weights again under
-        it, and refits. Returns whether the poses changed."""
+        """Continues the search from a fit that contains one more named effect. Estimates the poses and the weights
+        again under it, and refits. Returns whether the poses changed."""
         evidence = before = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
             there, self._rendering = self._settings.located(restore_functions(fit.model, self._effects), evidence)
@@ -382,8 +388,8 @@ class Search:
         return evidence is not before
 
     def _less_rounding(self) -> None:
-        """Subtracts the mean rounding error of coarse digital steps from the images, as the current fit predicts it.
-        Frames of one view share this error, so it would look like an effect of light."""
+        """Subtracts the mean rounding error of coarse digital steps, predicted by the current fit, from the measured
+        images. Frames of one view share this error, so it would look like an effect of light."""
         if self._comb is None:
             return
         noise, rounded = self._evidence.noise_model, {}
@@ -395,10 +401,10 @@ class Search:
         self._fit_again(self._solution)
 
     def _accept_last(self, fits: Mapping[str, Refit]) -> None:
-        """Accepts the fit of the effect named last. If that moves the poses, the closest rival is accepted from the
-        same start, too, and takes the name's place if it leaves less: poses that were found without an effect absorb a
-        part of its image change. The other joins its set if it leaves about as much. Weights of the name judge both,
-        for a wrong effect lowers its own."""
+        """Accepts the fit of the effect named last. If the poses move, its closest rival is accepted from the same
+        start, too. The one that leaves less error gets the name: poses found without an effect absorb a part of its
+        image change. The other one joins the set if it leaves about as much. Both are judged by the named effect's
+        weights, because a wrong effect lowers its own weights."""
         before, name = dict(vars(self)), self._names[-1]
         if not self._accept(fits[name.id].solution):
             return
@@ -426,8 +432,8 @@ class Search:
                 self._widen_set(name, [other])
 
     def _refit_at_peaks(self, fit: Solution) -> Solution:
-        """Refits effects that have several narrow likelihood peaks (Effect.starts) at their best peak beside the others
-        and under the weights estimated last; returns the fit."""
+        """Refits each effect that has several narrow likelihood peaks (Effect.starts) from all peaks, beside the other
+        effects and under the newest weights. Returns the best fit."""
         for effect in [e for e in fit.effects if e.starts is not None]:
             without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
             own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
@@ -441,7 +447,7 @@ class Search:
         return fit
 
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
-        """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
+        """Subtracts predicted images from the measured ones. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
         self._use_evidence(self._less_draws(self._evidence, drawn))
 
@@ -472,8 +478,8 @@ class Search:
             self._structure_before = local_structure(self._whole.residuals(self._first))
 
     def _drop_needless(self) -> None:
-        """Drops named effects, weakest first, if chi2 without them rises by too little to name them. Random fields
-        and noise stay."""
+        """Drops named effects, weakest first, if chi2 hardly rises without them. Random fields and temporal noise are
+        never dropped."""
         for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None or name.seen is None:
                 continue
@@ -488,7 +494,7 @@ class Search:
 
 
 def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
-    """Returns the model with each effect replaced by the candidate of the same id, if there is one. The candidates have
-    the effects' own image functions; the model's effects may have rendered ones."""
+    """Returns the model with each effect replaced by the candidate of the same id, if there is one. Candidates have the
+    effects' original image functions; a fit may have replaced these by rendered images."""
     own = {e.id: e for e in candidates}
     return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
