@@ -78,8 +78,8 @@ class Diagnosis:
     model: the given model with the effects that were found. stub: Python text of a new effect, or None. sensor_model:
     the contents of model.json; None if the images could not be judged. before, after: the images that the given model
     and model.json predict, with their errors; None if not asked for. made: the renderer and settings of these images.
-    kept_as: the cache key of the diagnosis; None if a model was given or an effect is a user's own. unseen: for a measured room,
-    one view predicted from the other views under the given model and under the found model.
+    kept_as: the cache key of the diagnosis; None if a model was given or an effect is a user's own. unseen: for a
+    measured room, one view predicted from its other views under the given and under the found model.
     """
 
     result: dict[str, Any]
@@ -93,7 +93,7 @@ class Diagnosis:
     unseen: tuple[Unseen, Unseen] | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """Returns {(frame id, side): image [height][width] in DN} predicted by model.json; empty if no images were
+        """Returns {(frame id, side): DN [height][width]} as model.json predicts them; empty if no images were
         judged."""
         return {} if self.after is None else self.after.predictions
 
@@ -472,8 +472,8 @@ def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[lis
 
 
 def _open_set(outcome: Outcome) -> tuple[dict[str, Solution | None], float]:
-    """Returns ({effect: its fit or None}, the residuals' design effect). The effects are those of the first named set
-    with more than one member; {} if there is none."""
+    """Returns ({effect: its fit or None} of the first named set with more than one member, the residuals' design
+    effect)."""
     name = next((name for name in outcome.names if name.seen is not None and len(name.members) > 1), None)
     design = design_effect(outcome.solution.sums.tile_chi2, outcome.fitter.tile_pixels())
     if name is None or name.seen is None:

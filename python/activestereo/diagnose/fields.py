@@ -273,8 +273,7 @@ def level_means(row: ImageResidual) -> np.ndarray:
 
 
 def _outlier_sigma(totals: np.ndarray, numbers: Numbers) -> float:
-    """Returns the threshold above which a draw is an outlier, in noise standard deviations. It is higher if most draws
-    exceed the noise, because then ordinary draws are not outliers."""
+    """Returns the threshold of an outlier in noise deviations. It is higher if most draws exceed the noise."""
     a, b = totals[:, totals[0] > 0]
     return numbers.outlier * max(1.0, float(np.median(np.abs(b) / np.sqrt(a))) / 0.6745)
 

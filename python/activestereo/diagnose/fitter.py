@@ -102,8 +102,7 @@ class ParameterSpace:
         return model
 
     def steps(self, theta: np.ndarray) -> np.ndarray:
-        """Returns the finite-difference step of each parameter, [n]. It is negative where a positive step would leave
-        the range."""
+        """Returns finite-difference steps [n], negative where a positive step would leave the range."""
         step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
         step = np.minimum(step, self.slope_step)
         return np.where(theta + step > self.high, -step, step)
@@ -223,8 +222,7 @@ class Fitter:
         return self._lights(model, i, self._supersampled)
 
     def residuals(self, solution: Solution) -> list[ImageResidual]:
-        """Returns the ImageResidual of every observation under a solution. Results for the last few solutions are
-        cached."""
+        """Returns the ImageResidual of every observation under a solution. It caches those of the last solutions."""
         if id(solution) not in self._residuals:
             self._residuals[id(solution)] = solution, self._residuals_of(solution)
         self._residuals.move_to_end(id(solution))
@@ -254,8 +252,7 @@ class Fitter:
         return sum(map(squares, self.pixels(), lights)) + float((self.sigmas(phi) ** 2).sum())
 
     def sigmas(self, phi: np.ndarray) -> np.ndarray:
-        """Returns the distances of nuisances from their prior means, in prior deviations, [n]; scales and black level
-        are left out."""
+        """Returns the distances of nuisances, from focal lengths on, from their prior means, in prior deviations."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
     def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
@@ -324,8 +321,7 @@ class Fitter:
     def solve(
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
     ) -> np.ndarray:
-        """Returns the damped Gauss-Newton step in (theta, phi). sums: normal equations. n_theta: the number of entries
-        of theta to solve for, 0 or all."""
+        """Returns the damped Gauss-Newton step in (theta, phi), from normal equations at (theta, phi)."""
         pull = self.pull(phi, n_theta, space, theta)
         gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
         norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -339,9 +335,8 @@ class Fitter:
         return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
-        """Returns the prior precisions of (theta, phi): weak for effects, 0 for scales, and nuisance_prior for the
-        other nuisances. A measured black level is held tightly, because a missing effect shifts it by more than its
-        deviation."""
+        """Returns the prior precisions of (theta, phi): weak for effects, 0 for scales, nuisance_prior's for the rest.
+        A measured black level is held tightly, because a missing effect shifts it by more than its deviation."""
         known = self.nuisance_prior.black_dn
         scales = [*np.zeros(SCALES - 1), 0.0 if known is None else (_HELD * known[1]) ** -2]
         width = _PRIOR_RANGES * (space.high - space.low)[:n_theta]
@@ -401,8 +396,7 @@ def signal(model: Model, observation: Observation, light: Light, phi: np.ndarray
 
 
 def _moved(image: np.ndarray, pixels: Pixels | AllPixels, phi: np.ndarray) -> np.ndarray:
-    """Returns the expected values [n] after first-order changes by focal lengths and geometry. Changed values are
-    clipped to 0..max_dn."""
+    """Returns the expected values [n] changed by focal lengths and geometry, to first order, and clipped if changed."""
     o = pixels.observation
     twists = phi[SCALES + o.geometry_places].astype(np.float32)
     change = phi[SCALES + o.view.is_right] * pixels.focal_slope

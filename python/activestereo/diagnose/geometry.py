@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The geometry that a capture states and may have wrong: the pose of every view, the projector's pose, focal lengths.
+"""The geometry that a capture states, which may be wrong: the pose of every view, the projector's pose, focal lengths.
 
-A twist is [v, w]: six numbers in metres and radians, in the axes of what it moves (the left camera of a view, or the
-projector). The derivative of an image by a twist comes from the rendered light, depth and normals of its pixels.
-Surfaces move in the image with the light that they scatter. Dots slide over them, because the projector moves with the
-rig.
+A twist [v, w] is a small rigid motion: six numbers in metres and radians. Its axes are those of the moved object: the
+left camera for a view, or the projector. The derivative of an image by a twist comes from the rendered light, depth and
+normals of its pixels. Surfaces move in the image with the light that they scatter. Dots slide over surfaces, because
+the projector moves with the rig.
 """
 
 import os
@@ -38,9 +38,9 @@ Twist = NDArray[np.float64]
 class Geometry:
     """Corrections of a capture's stated geometry.
 
-    focal: relative changes of the left and the right camera's focal length. projector: its twist. poses: twists of the
-    left camera [n][6], one for each stated pose. deviations: standard errors of focal and twists() together. misfit:
-    the factor by which the likelihood counts too many pixels, from the scatter of the images' tiles; 1 = none.
+    focal: relative changes of the left and the right focal length. projector: the projector's twist. poses: a twist of
+    the left camera for each stated pose, [n][6]. deviations: standard errors of focal, then of twists(), one vector.
+    misfit: the factor by which the likelihood overcounts pixels, from the scatter of the images' tiles; 1 = none.
     """
 
     stated: Capture
@@ -69,8 +69,8 @@ class Geometry:
         return np.concatenate([self.projector, self.poses.ravel()])
 
     def moved(self, focal: NDArray[np.float64], twists: NDArray[np.float64]) -> "Geometry":
-        """Returns the geometry with further corrections on top: relative focal changes, and twists in the order of
-        twists()."""
+        """Returns the geometry with further corrections: relative changes of the focal lengths, and twists as one
+        vector in the order of twists()."""
         projector, *poses = twists.reshape(-1, TWIST)
         return replace(
             self,
@@ -80,19 +80,19 @@ class Geometry:
         )
 
     def beyond_stated(self) -> NDArray[np.float64]:
-        """Returns the root mean square of the resting train views' moves and turns, in stated deviations, [2]. The
-        values are at least 1."""
+        """Returns the root mean square of the corrections of train views at rest, in stated deviations: [translation,
+        rotation]. Values below 1 become 1."""
         known, counts = self.stated.uncertainty, ~(self.moving() | self.held_out())
         at_rest = self.poses[counts].reshape(-1, 2, TWIST // 2) / np.array([[known.pose_m], [known.pose_rad]])
         return np.maximum(np.sqrt((at_rest**2).mean(axis=(0, 2))), 1.0) if at_rest.size else np.ones(2)
 
     def moving(self) -> NDArray[np.bool_]:
-        """Returns which poses belong to moving frames, [n]."""
+        """Returns a mask [n] of the poses that belong to moving frames."""
         moving = {f.id for f in self.stated.frames if f.is_moving}
         return np.array([not moving.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
     def held_out(self) -> NDArray[np.bool_]:
-        """Returns which poses belong to test frames alone, [n]."""
+        """Returns a mask [n] of the poses that only test frames have."""
         train = {f.id for f in self.stated.split("train")}
         return np.array([train.isdisjoint(self.frames_of(row)) for row in range(len(self.poses))])
 
@@ -191,16 +191,16 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
 def _twist_derivative(
     left_to_camera: np.ndarray, points: np.ndarray, by_motion: np.ndarray, turning: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the derivatives [..., 3] by v and by w of the rig's twist, in the left camera's axes. Surfaces move the
-    opposite way. turning: the derivative by the turn of the normals."""
+    """Returns the derivatives [..., 3] of light by v and by w of the rig's twist, in the left camera's axes. Surfaces
+    move opposite to the rig. by_motion: derivative by the surface points' motion. turning: by the turn of normals."""
     force, moment = -by_motion, turning - np.cross(points, by_motion)
     turn, offset = left_to_camera[:3, :3], left_to_camera[:3, 3]
     return force @ turn, (moment + np.cross(force, offset)) @ turn
 
 
 def _motion_derivative(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Returns the derivative [..., 3] of an image by the motion of its surface points. gradient: of the image per
-    pixel, [..., 2]."""
+    """Returns the derivative [..., 3] of an image by the motion of its surface points at depth z. gradient: the image's
+    change per pixel along u and v, [..., 2]."""
     of_u = gradient[..., 0] * K[0, 0] / z
     of_v = (gradient[..., 0] * K[0, 1] + gradient[..., 1] * K[1, 1]) / z
     return np.stack([of_u, of_v, -(of_u * points[..., 0] + of_v * points[..., 1]) / z], axis=-1)
@@ -227,18 +227,18 @@ def _pattern_slope(dots: DotView, view: View) -> np.ndarray:
 
 
 def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Returns the dot product of normal and direction; infinity where they are nearly at right angles, so that dividing
-    by it gives 0."""
+    """Returns the dot product of normal and direction. It is infinity where they are nearly perpendicular, so that a
+    division by it gives 0."""
     product = _dot(normal, direction)
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
 
 
 def focal_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns {(frame id, side): DN per relative change of the focal length [height][width]}.
+    """Returns {(frame id, side): image change in DN per relative change of the focal length, [height][width]}.
 
-    It is a central difference of the supersampled images, if there are any: a dot is hardly wider than a pixel, so
-    differences of pixels are wrong by half there. With a wrong derivative the fit would take an error of the focal
-    length for an effect that also stretches the image.
+    It is a central difference, of supersampled images if there are any. A dot is hardly wider than a pixel, so
+    differences between pixels would be wrong by half. A wrong derivative would make the fit take a focal length error
+    for an effect that also stretches the image.
     """
     return derivatives_in_dn(images, nuisances, _focal_slope)
 
@@ -260,10 +260,10 @@ def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
 def derivatives_in_dn(
     images: Sequence[MeasuredImage], nuisances: Nuisances, of_light: Callable[[MeasuredImage], NDArray[np.float32]]
 ) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns {(frame id, side): derivatives of an image, DN, [...][height][width]}, 0 at clipped pixels.
+    """Returns {(frame id, side): derivatives of the expected image in DN, [...][height][width]}, 0 at clipped pixels.
 
-    of_light(image): returns the derivatives of the projector's light and of the ambient light, [2][...][height][width].
-    All images of one pose and camera share them.
+    of_light(image): returns the derivatives of projector light and ambient light, [2][...][height][width]. It is called
+    once per pose and camera.
     """
     views = [(image.side, image.frame.camera_to_world.tobytes()) for image in images]
     first = dict(reversed(list(zip(views, images, strict=True))))

@@ -224,7 +224,8 @@ def _own_step(
     supersampled: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Returns (step, variance) of the nuisances at indices `own`, on which only the observations `others` depend. held:
-    prior precision of each entry of theta from other observations, and theta is fitted too; None: theta stays fixed."""
+    precision of each entry of theta from priors and other observations; theta is then fitted too. None: theta stays
+    fixed."""
     in_one_tile = [replace(o, tile=np.zeros_like(o.tile)) for o in others]
     fitter = Fitter(in_one_tile, prior, evidence.tiles, supersampled)
     sums = fitter.linearise(space, theta, phi, fitter.lights(space, theta))
@@ -239,9 +240,8 @@ def _own_step(
 
 
 def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model, render: Render) -> Evidence:
-    """Returns the evidence with test frames, at poses estimated under a solution's model and nuisances. model: the
-    solution's model with original image functions (restore_functions()). render: returns the layers of a capture's test
-    frames."""
+    """Returns the evidence with test frames at poses estimated under a solution's nuisances and `model`, its model with
+    original image functions (restore_functions()). render: returns the layers of a capture's test frames."""
     space, phi, unmoved = ParameterSpace.of(model), solution.phi, np.zeros(len(SIDES))
     held = _pose_mask(evidence.geometry.held_out())
     own = len(SIDES) + evidence.materials + np.flatnonzero(held)
@@ -299,17 +299,15 @@ def _fit_at_rest(
 
 
 def _misfit(fitter: Fitter, solution: Solution) -> float:
-    """Returns the factor by which the likelihood overcounts independent pixels, from the scatter of chi2 between
-    tiles."""
+    """Returns the factor by which the likelihood overcounts pixels, from the scatter of the tiles' chi2."""
     tiles, pixels = solution.sums.tile_chi2 > 0, fitter.tile_pixels()
     design = design_effect(solution.sums.tile_chi2[tiles], pixels[tiles])
     return design * max(1.0, solution.sums.total / pixels.sum())
 
 
 def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
-    """Returns (parameter space, theta) where the fit starts: the model's own, or with a lens distortion if a scan of
-    values improves chi2 enough. From neutral a fit would not find the distortion, because nuisances absorb its
-    displacements."""
+    """Returns (parameter space, theta) to start a fit: the model's own, or with a lens distortion if a scan finds that
+    it helps. From neutral a fit would not find the distortion: nuisances absorb its displacements."""
     space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)
@@ -337,8 +335,7 @@ def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:
 
 
 def standing(evidence: Evidence, solution: Solution) -> Geometry:
-    """Returns the geometry under a solution. It is the stated or the rendered geometry if images hardly differ from
-    theirs."""
+    """Returns the geometry under a solution, or the stated or rendered one if images hardly differ between them."""
     focal, twists = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
     if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:

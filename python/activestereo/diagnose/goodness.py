@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells what a fit is worth: effective pixels, penalties for free parameters, intervals, remaining structure.
+"""Measures how good a fit is: effective pixels, penalties for free parameters, intervals, remaining structure.
 
-The penalty is Laplace's estimate of the evidence beside the best likelihood (MacKay 2003, chapter 28), accurate to a
-few nats. Of two effects that explain the data equally well, it prefers the one that needs less fine tuning and less
+The penalty is Laplace's estimate of the evidence relative to the best likelihood (MacKay 2003, chapter 28), accurate to
+a few nats. Of two effects that explain the data equally well, it prefers the one that needs less fine tuning and less
 unusual parameters.
 
-Structure is goodness of fit without an alternative hypothesis: how much of a residual any smooth effect could still
+Structure measures goodness of fit without an alternative hypothesis: how much of a residual a smooth effect could still
 explain. Within a tile every smooth effect acts as an offset, a gain, a displacement or a blur. These are fitted to each
 half of the tile's pixels separately. The part on which both halves agree is structure, the rest is noise. Independent
 draws (photons, read noise, grains, the renderer's samples) do not agree, in expectation.
@@ -38,8 +38,8 @@ _RIDGE = 0.05
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """Returns the variance of the tiles' chi2 over its variance for independent normal pixels; at least 1. The number
-    of pixels divided by it is the effective number of independent pixels. tile_chi2, tile_pixels: [tile]."""
+    """Returns the variance of the tiles' chi2 relative to that for independent normal pixels; at least 1. The number of
+    pixels divided by it is the effective number of independent pixels. tile_chi2, tile_pixels: [tile]."""
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -47,11 +47,11 @@ def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:
-    """Returns the penalty for a fitted effect's free parameters in nats, to be added to a gain. It is the logarithm of
-    prior density at the fitted values times posterior volume.
+    """Returns the penalty in nats for a fitted effect's free parameters, a number to add to its gain. It is the log of
+    the prior density at the fitted values times the posterior volume.
 
-    Each parameter may also stay neutral, which lowers the likelihood. The best choice of neutral parameters counts, and
-    all choices are equally probable. design: the residuals' design effect.
+    Any of the parameters may instead stay neutral, which lowers the likelihood. All choices of free parameters are
+    equally probable, and the best one counts. design: the residuals' design effect.
     """
     first = len(solution.theta) - len(effect.parameters)
     free = first + np.flatnonzero(~solution.space.given[first:])
@@ -74,10 +74,10 @@ def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float
 
 
 def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: np.ndarray, peaks: np.ndarray) -> float:
-    """Returns the penalty, nats, if only the parameters `kept` are in use.
+    """Returns the penalty in nats if only the parameters `kept` are free.
 
-    away: distances from neutral in typical deviations. information: the Fisher information in these units. density,
-    peaks: log prior densities at the fitted and at the neutral values.
+    away: distances from neutral, in typical values. information: the Fisher information in these units. density, peaks:
+    log prior densities at the fitted values and at the neutral values.
     """
     used, unused = np.array(kept, dtype=np.int64), np.setdiff1d(np.arange(len(away)), kept)
     across, inner = information[np.ix_(unused, used)], information[np.ix_(used, used)]
@@ -90,17 +90,17 @@ def _cost(kept: list[int], away: np.ndarray, density: np.ndarray, information: n
 
 
 def _log_density(parameter: Parameter, away: float) -> float:
-    """Returns the log density of a parameter's prior per typical deviation, at a distance from neutral in the same
-    unit. Only the order of magnitude is known, so the prior is Cauchy's (Gelman et al. 2008, A weakly informative
-    default prior distribution)."""
+    """Returns a parameter's log prior density per typical value. away: its distance from neutral, in typical values.
+    Only the order of magnitude is known, so the prior is Cauchy's (Gelman et al. 2008, A weakly informative default
+    prior distribution)."""
     one_sided = parameter.low >= parameter.neutral or parameter.high <= parameter.neutral
     return np.log((2.0 if one_sided else 1.0) / np.pi) - np.log1p(away**2)
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A fitted parameter: its value and the ends of its 90 % interval, in `unit`. floor: the half width that remains
-    however well the parameter was fitted."""
+    """A fitted parameter: its value and the ends of its 90 % interval, in `unit`. floor: the half width due to model
+    error, which no amount of data reduces."""
 
     value: float
     low: float
@@ -113,14 +113,15 @@ class Interval:
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
-    """Returns (value, low, high) of a 90 % interval that combines the standard error with floor()."""
+    """Returns (value, low, high), a 90 % interval. Its half width is the root of summed squares of Z90 * deviation and
+    of floor(). deviation: the standard error."""
     half = 0.0 if parameter.choice else float(np.hypot(Z90 * deviation, floor(parameter, value)))
     return value, value - half, value + half
 
 
 def floor(parameter: Parameter, value: float) -> float:
-    """Returns the half width of a 90 % interval that the models' own discrepancy gives. It is a share of the value. The
-    value is an amplitude, whose neutral value is 0, or a shape (a focus, a frequency, a doubling temperature)."""
+    """Returns the half width of a 90 % interval due to model error alone. It is a share of the value. The value is an
+    amplitude with neutral value 0, or a shape (a focus, a frequency, a doubling temperature)."""
     return 0.0 if parameter.choice else Z90 * _INADEQUACY * abs(float(value))
 
 
@@ -132,8 +133,8 @@ def intervals(fitter: Fitter, solution: Solution, effect: Effect) -> dict[str, I
 
 
 def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool = False) -> dict[str, Interval]:
-    """Returns intervals clipped to the parameters' ranges. A parameter that was not found gets its neutral value and
-    whole range. has_floor: the intervals come from interval()."""
+    """Returns intervals clipped to the parameters' ranges. A parameter missing in `found` gets its neutral value and
+    whole range. has_floor: whether the intervals come from interval()."""
     out = {}
     for p in effect.parameters:
         value, low, high = found.get(p.name, (p.neutral, p.low, p.high))
@@ -153,7 +154,7 @@ def local_structure(rows: Sequence[ImageResidual]) -> float:
 
 
 def image_structure(row: ImageResidual) -> float:
-    """Returns local_structure() of one image."""
+    """Returns local_structure() for one image."""
     o, image, _, residual = row
     root = np.sqrt(o.weight)
     slope_v, slope_u = np.gradient(image)
@@ -179,8 +180,8 @@ def _cut(values: np.ndarray) -> np.ndarray:
 def _ridge_fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:
     """Fits a ridge regression in each tile; returns coefficients [tile][column].
 
-    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of a half's mean information on
-    a column. A half that hardly shows a column (an edge that lies in the other half) therefore gets a small
+    norm: scale of the columns, [tile][column], the same for both halves. The ridge is a share of a half's mean
+    information on a column. A half that hardly shows a column, such as an edge in the other half, so gets a small
     coefficient.
     """
     scaled = gram / (norm[:, :, None] * norm[:, None, :]) + _RIDGE * np.eye(x.shape[2])

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The images near a fit as a linear model, and the scores of a dictionary's columns by it.
+"""The images near a fit as a linear model, and scores of a dictionary's columns under it.
 
-A are the nuisances' columns, with prior precision P and pull o; C are the columns and r is the residual, all in noise
-deviations. With X = A C' and K = (A A' + P)^-1 (Schur's complement),
+A holds the nuisances' columns, with prior precision P and prior gradient o. C holds the dictionary's columns, and r is
+the residual, all in noise deviations. With X = A C' and K = (A A' + P)^-1 (Schur's complement),
 
     information on the columns' coefficients    S = C C' - X' K X
     their score                                 u = C (r - A' K (A r - o))
 
-Sums are kept apart by the surface that a pixel shows, so that an effect of some surfaces needs no columns of its own.
+Sums over pixels are kept separately for each surface, so that an effect on some surfaces needs no further columns.
 """
 
 from collections.abc import Sequence
@@ -32,8 +32,8 @@ Matrix = NDArray[np.float64]
 
 
 def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """Returns the observations with a random part of their pixels, as many as fits need. All images of one view use the
-    same pixels, so that their light is computed once."""
+    """Returns the observations with a random part of their pixels, 200,000 in all at most. All images of one view and
+    camera use the same pixels, so that their light is computed once."""
     share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
     views: dict[Cluster, int] = {}
     out = []
@@ -47,11 +47,11 @@ def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Obs
 
 @dataclass(frozen=True)
 class Linear:
-    """The linear model at a solution, over the fitter's pixels [n] of all observations in a row.
+    """The linear model at a solution, over the pixels [n] of all the fitter's observations, concatenated.
 
-    nuisances: [k][n], derivatives by the parameters of the effects named so far, then scales, focal lengths, albedos
-    and geometry, in noise deviations per unit. precision, pull: of their priors. residual: [n], in noise deviations.
-    material: the scene's surface at each pixel.
+    nuisances: [k][n], derivatives in noise deviations per unit. They are by the parameters of effects in the model,
+    then scales and black level, focal lengths, albedos and geometry. precision, pull: of their priors, the precision
+    and the gradient. residual: [n], in noise deviations. material: the index of the scene's surface at each pixel.
     """
 
     fitter: Fitter
@@ -98,7 +98,7 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
 
 
 def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:
-    """Fits a model and the nuisances, starting from the model's parameters and phi."""
+    """Fits a model and the nuisances, starting from the model's parameters and phi. Returns the Solution."""
     space = ParameterSpace.of(model)
     return fitter.refine(space, space.start, phi, _ROUNDS)
 
@@ -110,12 +110,11 @@ def _surface(o: Observation) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class Scores:
-    """Holds inner products over pixels for c columns, k nuisances and each group of pixels: one group for each large
-    surface, the last for the rest. gram [groups][c][c]: columns with columns; cross [groups][k][c]: nuisances with
-    columns; moment [groups][c]: columns with the residual after the nuisances' fit. surfaces: the number of each
-    group's surface. inverse: K of this file's head. total: chi2 of that residual. pixels:
-    their number.
-    """
+    """Inner products over pixels of c columns and k nuisances, separately for each group of pixels. Each large surface
+    is a group; the last group is all other pixels. gram [groups][c][c]: columns with columns. cross [groups][k][c]:
+    nuisances with columns. moment [groups][c]: columns with the residual after the nuisances are fitted. surfaces: the
+    surface index of each group but the last. inverse: K of the module's docstring. total: chi2 of that residual.
+    pixels: the number of pixels."""
 
     gram: Matrix
     cross: Matrix
@@ -136,7 +135,7 @@ class Scores:
 
 
 def scores(linear: Linear, columns: Columns) -> Scores:
-    """Computes the Scores of columns [c][n] by a linear model."""
+    """Returns the Scores of columns [c][n] under a linear model."""
     A, r = linear.nuisances, linear.residual
     K = (A @ A.T).astype(np.float64) + np.diag(linear.precision)
     norm = np.sqrt(np.maximum(np.diag(K), 1e-300))
@@ -155,7 +154,7 @@ def scores(linear: Linear, columns: Columns) -> Scores:
 
 
 def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:
-    """Returns (surfaces that are large enough, each pixel's group)."""
+    """Returns (indices of the large surfaces, each pixel's group)."""
     numbers, counts = np.unique(material, return_counts=True)
     large = numbers[(counts > _LEAST_SURFACE * len(material)) & (numbers < MOST_MATERIALS)]
     group = np.searchsorted(large, material)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The light of observations, the expected image, and the normal equations of a fit: sums over pixels.
+"""The light of observations, their expected images, and the normal equations of a fit: sums over pixels.
 
-The nuisances phi are projector scale, ambient scale and black level; then, with priors, both cameras' relative focal
-lengths, the materials' relative albedos, and twists of the geometry (geometry.py).
+The nuisances phi are, in order: projector scale, ambient scale, black level; then, with priors, both cameras' relative
+focal lengths, the materials' relative albedos, and twists of the geometry (geometry.py).
 """
 
 from collections import OrderedDict
@@ -40,8 +40,8 @@ class _AskedForFrame(Exception):
 
 
 class _SharedFrame:
-    """Stands for a group of frames: gives effects the attributes that all have in common, and raises _AskedForFrame for
-    others."""
+    """Stands for a group of frames. It gives effects the attributes that all these frames share, and raises
+    _AskedForFrame for all others."""
 
     def __init__(self, frame: Frame, shared: tuple[str, ...]) -> None:
         self._frame, self._shared = frame, shared
@@ -53,8 +53,8 @@ class _SharedFrame:
 
 
 class LightMemory:
-    """Computes and caches the light on the sensor for each observation under a model. Only effects after the first
-    changed one are applied again. Frames that are equal in all that an effect reads share one result."""
+    """Computes and caches the light on the sensor for each observation under a model. Only the first changed effect and
+    those after it are applied again. Frames that are equal in all that the effects read share one result."""
 
     def __init__(self, observations: Sequence[MeasuredImage]) -> None:
         self._observations = observations
@@ -102,8 +102,7 @@ class LightMemory:
         return self._before[key]
 
     def _rendered_light(self, i: int) -> tuple[Light, Light]:
-        """Returns observation i's rendered light twice: with images of pixels alone, and with supersampled images as
-        well."""
+        """Returns observation i's rendered light twice: without and with supersampled images."""
         layers = self._observations[i].layers
         if id(layers) not in self._rendered:
             light = Light.of(layers)
@@ -112,15 +111,15 @@ class LightMemory:
 
 
 def _of_group(view: View, shared: tuple[str, ...]) -> View:
-    """Returns a view as a group of frames shares it, the same one at every call: it keeps the geometry that effects
-    compute."""
+    """Returns a view whose frame has only the attributes `shared`. Every call returns the same object, because it
+    caches geometry that effects compute."""
     kept: View = view.once(shared, lambda: replace(view, frame=cast(Frame, _SharedFrame(view.frame, shared))))
     return kept
 
 
 def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, ...]) -> list[int]:
-    """Returns, for each observation, the index of the first one that shows the same light to an effect that reads only
-    the shared attributes."""
+    """Returns, for each observation, the index of the first one with the same camera, layers and `shared` attributes of
+    the frame. Effects that read no other attribute change both alike."""
     firsts: dict[tuple, int] = {}
     seen = (repr([np.asarray(getattr(o.frame, name)).tolist() for name in shared]) for o in observations)
     keys = ((o.side, id(o.layers), own) for o, own in zip(observations, seen, strict=True))
@@ -128,7 +127,8 @@ def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, 
 
 
 class AllPixels:
-    """All pixels of an observation in the image's order, with the same fields as normal_equations.Pixels."""
+    """All pixels of an observation in the image's order. It has the fields of Pixels that exposed() and signal()
+    need."""
 
     def __init__(self, observation: Observation) -> None:
         self.observation = observation
@@ -144,8 +144,8 @@ class AllPixels:
 def exposed(
     model: Model, pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray, with_slopes: bool = False
 ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-    """Returns (expected DN [n] before corrections of focal lengths and geometry; its derivatives [n] by projector
-    scale, ambient scale and black level, or None without with_slopes)."""
+    """Returns (expected DN [n] before corrections of focal lengths and geometry, its derivatives). The derivatives are
+    [n] each, by projector scale, ambient scale and black level; None without with_slopes."""
     if not model.is_linear:
         return _through_sensor(model, pixels, light, phi, with_slopes)
     view = pixels.observation.view
@@ -161,8 +161,8 @@ def exposed(
 
 
 def _sent(pixels: "Pixels | AllPixels", light: Light, phi: np.ndarray) -> list[np.ndarray]:
-    """Returns the projector's and the ambient light at the pixels, [n] each, DN per unit scale. Each is multiplied by
-    the fitted correction of its material's albedo."""
+    """Returns [projector light, ambient light] at the pixels, each [n] in DN per unit of its scale. Both are multiplied
+    by the fitted correction of the pixel's albedo."""
     levels, lights = scales(pixels.observation.view.frame), light.seen(pixels.index)
     if not phi[DENSE:].any():
         return [level * seen for level, seen in zip(levels, lights, strict=True)]
@@ -190,10 +190,10 @@ def _through_sensor(
 
 
 class Pixels:
-    """The pixels of an Observation that count, ordered by material; all arrays are [n].
+    """The pixels of an Observation that count, sorted by material; all arrays are [n].
 
-    index: into the flat image. measured: DN. root_weight: 1 / standard deviation, 1/DN. material: albedo index, -1 =
-    none. tile: number of the image tile.
+    index: into the flattened image. measured: DN. root_weight: 1 / standard deviation, 1/DN. material: index of the
+    albedo nuisance, -1 = none. tile: index of the image tile.
     """
 
     def __init__(self, observation: Observation, materials: int) -> None:
@@ -217,18 +217,18 @@ class Pixels:
 
     @computed_once
     def block(self) -> np.ndarray:
-        """Returns the index of each pixel's block of BLOCK_PX, from 0."""
+        """Returns the index of each pixel's block, [n]. Blocks are squares of BLOCK_PX pixels a side."""
         height, width = self.observation.measured.shape
         rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
         return self.gather(np.add.outer(rows * (width // BLOCK_PX + 1), columns))
 
     @computed_once
     def geometry_gram(self) -> np.ndarray:
-        """Returns the products of the weighted slopes of the geometry, [k][k]. No fit changes them."""
+        """Returns the inner products of the weighted geometry slopes, [12][12]. They are the same in all fits."""
         return self.geometry @ self.geometry.T
 
     def by_material(self, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Returns sums over each material's pixels of values [k][n] times a factor [n], [k][materials]."""
+        """Returns, for each material, the sum over its pixels of values [k][n] times factor [n]: [k][materials]."""
         return np.stack([values[:, run] @ factor[run] for run in self._runs], axis=1)
 
 
@@ -236,15 +236,15 @@ Cluster: TypeAlias = tuple[str, bytes, bool]
 
 
 def cluster_of(o: Observation) -> Cluster:
-    """Returns the key of the cluster that shares errors: one camera's images of one pose, with all repeats and
-    settings."""
+    """Returns the key of an observation's cluster, within which errors are shared: one camera at one pose, all repeats
+    and settings."""
     return o.side, o.frame.camera_to_world.tobytes(), o.frame.is_moving
 
 
 @dataclass
 class Sums:
-    """The normal equations of one linearisation: gram [n][n], moment [n], chi2 by tile, and moments by block, {cluster:
-    [n][blocks]}."""
+    """The normal equations of a linearisation: gram [n][n], moment [n] and chi2 by tile. block_moment: {cluster: moment
+    in each block, [n][blocks]}."""
 
     gram: np.ndarray
     moment: np.ndarray
@@ -257,7 +257,7 @@ class Sums:
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
-        """Makes the Sums from the arrays of as_arrays(). observations: the same ones."""
+        """Makes Sums from the result of as_arrays(). observations: those that were summed, in the same order."""
         clusters = dict.fromkeys(map(cluster_of, observations))
         blocks = {cluster: arrays[f"block_{i}"] for i, cluster in enumerate(clusters) if f"block_{i}" in arrays}
         gram, moment, tile_chi2 = (arrays[name] for name in _PLAIN)

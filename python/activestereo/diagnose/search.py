@@ -38,8 +38,8 @@ from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.descriptor import Channel, CodeSteps
 
-# At most _FITTED effects are fitted, if their score is more than _NEAR times the best one. A fit gains at most _LINE_SHORT
-# times its score. If scores exceed _CLEAR times the needed gain, random fields need no check.
+# At most _FITTED effects are fitted, if they score more than _NEAR times the best score. A fit gains at most
+# _LINE_SHORT times its score. If that exceeds _CLEAR times the needed gain, random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
 # Effects lead the first look if one shape gains this part of the best one's gain.
 _LEADS = 0.1
@@ -81,8 +81,7 @@ class Search:
         self._structure = self._structure_before = local_structure(self._rows)
 
     def run(self) -> Outcome:
-        """Names the best missing effect, round by round, until no further effect passes the tests. Returns the
-        Outcome."""
+        """Names missing effects, the best one first, until no further one passes the tests. Returns the Outcome."""
         linear = linearised(self._scored, self._solution)
         atoms = self._atoms(linear)
         columns = self._columns(linear, atoms)
@@ -168,8 +167,8 @@ class Search:
         self._scored = Fitter(few, *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
-        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether an effect was
-        named. linear: the linear model at the present fit. atoms, columns: all trial shapes of effects and their image
+        """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether it did.
+        linear: the model linearised at the present fit. atoms, columns: trial shapes of the open effects, and all image
         changes."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
@@ -270,8 +269,7 @@ class Search:
                 self._names[at] = replace(name, field=field, gain=gain)
 
     def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
-        """Adds to the set of the effect named last those effects that can imitate a part of its image change
-        (stand_ins())."""
+        """Adds effects that can imitate a part of the last named effect's image change to its set (stand_ins())."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
@@ -283,8 +281,7 @@ class Search:
 
     def _widen_set_of_inexact(self) -> None:
         """Widens the set of the named effect whose formula error may explain the most chi2. It adds effects that gained
-        enough in the last round to be named, but no more than this formula error. Their gain may come from the named
-        effect."""
+        enough in the last round to be named, but no more than this error."""
         in_model = {effect.id for effect, _ in self._solution.model.effects}
         inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
         fits = self._rounds[-1].fits
@@ -309,8 +306,7 @@ class Search:
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self) -> float:
-        """Returns the least fall of chi2 for which an effect is named: a share of chi2 beyond noise, but at least a
-        minimum."""
+        """Returns the least fall of chi2 to name an effect: a share of chi2 beyond noise, but at least a minimum."""
         return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
@@ -332,8 +328,7 @@ class Search:
         return design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
 
     def _missed(self, shares: Sequence[float]) -> float:
-        """Returns the fall of chi2 that the named effects' formulas may have missed. shares: the share of each named
-        effect's gain that its formula may miss."""
+        """Returns the fall of chi2 that named effects' formulas may have missed. shares: of each one's gain."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
 
     def _effect(self, name: str) -> Effect:
