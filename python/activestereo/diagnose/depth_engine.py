@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges the device's own depth engine by its disparity: its faults do not show in the infrared images.
 
-The device's matcher is not ours, but both get the same images. We judge the device's disparity error against the true
-geometry, less the error of our engine on the model's own pair. Errors beyond a pixel are mismatches and count as one
-pixel. A filter is recognised by the variance of differences between neighbours instead.
+The device's matcher differs from ours, but both match the same images. We judge the device's disparity error against
+the true geometry, minus the error of our engine on the model's image pair. Errors beyond a pixel are mismatches and
+count as one pixel. A filter is recognised by the variance of differences between neighbours instead.
 
-Differences that depend on the matcher alone (EngineFault.is_matcher_choice) are removed first as long as they explain
-most of the error. Faults are judged on the rest.
+Some effects are a choice of the matcher, not a fault (EngineFault.is_matcher_choice). They are subtracted first, as
+long as one of them explains most of the error. Faults are judged on the rest.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -48,10 +48,10 @@ _MOST_FRAMES = 0.5
 class DepthFinding:
     """An effect on disparity or depth, fitted to the device's disparity.
 
-    limits: (value, low, high) of each of its parameters, [n][3]. nats: gain of log-likelihood. share: of the squared
-    error of disparity that the effect explains. consistency: share of the frames that get better. pose_error_nats: the
-    part of the gain that errors of the measured poses may explain. is_filter: whether it was fitted as a smoothing
-    filter, by the roughness of the errors. is_named: whether the device's depth shows it.
+    limits: (value, low, high) of each parameter, [n][3], with 90 % intervals. nats: gain of log-likelihood. share: of
+    the squared disparity error, the part that the effect explains. consistency: share of frames that the effect
+    improves. pose_error_nats: the part of the gain that pose errors may explain. is_filter: whether it was fitted as a
+    smoothing filter, by the roughness of errors. is_named: whether the device's depth shows it.
     """
 
     effect: Effect
@@ -71,16 +71,15 @@ class DepthFinding:
 
 @dataclass(frozen=True)
 class Depth:
-    """The judgement of a depth engine. findings: named effects first, then by gain; empty if there is no depth.
-    images_agree: whether the model explains the infrared images. If not, no effect is named, because the device's
-    engine matched these images."""
+    """The judgement of a depth engine. findings: named effects first, then by gain; empty without device depth.
+    images_agree: whether the model explains the infrared images. If not, no effect is named, because the device matched
+    these images."""
 
     findings: tuple[DepthFinding, ...]
     images_agree: bool
 
     def named(self, is_choice: bool) -> list[DepthFinding]:
-        """Returns the named findings. is_choice: True selects those that depend on the choice of the matcher alone,
-        False the faults."""
+        """Returns the named findings. is_choice: True selects choices of the matcher, False selects faults."""
         return [f for f in self.findings if f.is_named and f.effect.engine_fault.is_matcher_choice == is_choice]
 
 
@@ -93,9 +92,9 @@ def judged_depth(
     workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
-    """Fits effects on disparity and depth to the device's depth on the train frames, and judges which it shows. While
-    an effect that only depends on the choice of the matcher gains most, it is subtracted first, and the others are
-    fitted again. rows: residuals of the train images under the model. effects: those to judge."""
+    """Fits effects on disparity and depth to the device's depth in train frames, and decides which are named. While a
+    choice of the matcher gains most, it is subtracted, and the other effects are fitted again. rows: residuals of the
+    train images under the model. effects: the effects to judge."""
     pixels = sum(row.observation.pixels for row in rows)
     left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
     known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
@@ -129,9 +128,9 @@ def judged_depth(
 class _DepthFrame:
     """One frame with device depth; images [height][width] in pixels of disparity.
 
-    truth: disparity of the geometry, 0 = none. device: the device's error. engine: our engine's errors on two simulated
-    exposures of the model. valid: where all are known. inside: where all errors are below a pixel. focal_baseline:
-    focal length times baseline, px m.
+    truth: disparity of the true geometry, 0 = none. device: the device's error. engine: our engine's errors on two
+    simulated exposures of the model. valid: pixels where all of these are known. inside: valid pixels where all errors
+    are below a pixel. focal_baseline: focal length times baseline, px m.
     """
 
     view: View
@@ -143,8 +142,8 @@ class _DepthFrame:
     focal_baseline: float
 
     def shift(self, effect: Effect, values: np.ndarray, noise_px: float) -> np.ndarray:
-        """Adds the constant noise_px to the true disparities and applies an effect. Returns the change by the effect
-        alone, px [height][width]."""
+        """Returns the change of disparity by an effect, px [height][width]. The effect acts on the true disparities
+        plus the constant noise_px."""
         truth = np.where(self.truth > 0, np.maximum(self.truth + noise_px, 1e-3), 0.0)
         moved = self.applied(effect, values, truth)
         return (
@@ -154,7 +153,8 @@ class _DepthFrame:
         )
 
     def applied(self, effect: Effect, values: np.ndarray, disparity: np.ndarray) -> np.ndarray:
-        """Returns a disparity image after an effect on disparity, or after an effect on the depth of that disparity."""
+        """Returns a disparity image after an effect. An effect on depth acts on the depth that belongs to the
+        disparity."""
         named = {p.name: float(v) for p, v in zip(effect.parameters, values, strict=True)}
         if effect.stage is Stage.DISPARITY:
             return effect.apply(disparity, self.view, **named)
@@ -164,7 +164,7 @@ class _DepthFrame:
         return np.where(image > 0, self.focal_baseline / np.maximum(image, 1e-9), 0.0)
 
     def filtered(self, effect: Effect, values: np.ndarray) -> np.ndarray:
-        """Returns our engine's errors after an effect, px [height][width]."""
+        """Returns our engine's disparity errors after an effect, px [height][width]."""
         moved = self.applied(effect, values, np.where(self.valid, self.truth + self.engine[0], 0.0))
         known = self.valid if effect.stage is Stage.DISPARITY else self.valid & (moved > 0)
         return np.where(known, moved - self.truth, 0.0)
@@ -203,8 +203,8 @@ class _Judge:
         self._noise_px = float(np.sqrt(sum(s.sum() for s in squares) / count)) if count else 0.0
 
     def without(self, found: DepthFinding) -> "_Judge":
-        """Subtracts a fitted effect from the device's errors; returns a _Judge of the remaining ones. For a filter it
-        returns itself, since smoothing cannot be undone."""
+        """Returns a _Judge of the errors that remain after a fitted effect is subtracted. For a filter it returns
+        itself, since smoothing cannot be undone."""
         if found.is_filter:
             return self
         left = []
@@ -233,16 +233,16 @@ class _Judge:
         return content_key(self._frames, self._numbers)
 
     def _shift(self, effect: Effect, values: np.ndarray, frame: _DepthFrame) -> np.ndarray:
-        """Returns the shift of the true disparities by an effect, px, averaged over the engine's noise. The effect acts
-        on the noisy disparities."""
+        """Returns the shift of the true disparities by an effect, px [height][width]. It is averaged over our engine's
+        noise, because the effect acts on noisy disparities."""
         shifts = [weight * frame.shift(effect, values, node * self._noise_px) for node, weight in _NODES]
         return np.sum(shifts, axis=0)
 
     def _squares(
         self, effect: Effect, values: np.ndarray, frames: Sequence[_DepthFrame] | None = None
     ) -> list[np.ndarray]:
-        """Returns, for each frame, the squared difference between the device's and our engine's disparity errors less
-        an effect's shift, px^2 [height][width], capped. Invalid pixels are 0. frames: None = all."""
+        """Returns squared errors for each frame, px^2 [height][width], capped at a pixel. The error is the device's
+        minus our engine's, minus an effect's shift. Invalid pixels are 0. frames: None = all."""
         out = []
         for frame in self._frames if frames is None else frames:
             rest = frame.device - 0.5 * (frame.engine[0] + frame.engine[1]) - self._shift(effect, values, frame)
@@ -298,8 +298,8 @@ class _Judge:
         return DepthFinding(effect, limits, float(nats), float(1.0 - after / before), float(better), from_poses)
 
     def _fit_smoothness(self, effect: Effect) -> DepthFinding | None:
-        """Fits the amplitude of a smoothing filter (the first parameter): our engine's filtered errors become as rough
-        as the device's. Returns None if the effect does not smooth, or the device is not smoother."""
+        """Fits the amplitude (first parameter) of a smoothing filter so that our engine's filtered errors are as rough
+        as the device's. Returns None if the effect does not smooth, or if the device is not smoother."""
         first, differ = effect.parameters[0], self._numbers.engines_differ
         wanted = self._roughness([frame.device for frame in self._frames])
         ladder = [0.0, *_LADDER * first.typical]
@@ -330,13 +330,13 @@ class _Judge:
 
 
 def _leading(effect: Effect, value: float) -> np.ndarray:
-    """Returns neutral parameters except for the first one, which gets the value."""
+    """Returns an effect's parameters [n]: the value for the first one, neutral values for the others."""
     return np.array([value, *(p.neutral for p in effect.parameters[1:])])
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
-    """Returns the part of a log-likelihood gain that errors of the measured poses may explain instead. offset_px:
-    fitted displacement. pose_error_px: standard deviation of the displacements that pose errors cause."""
+    """Returns the part of a log-likelihood gain that errors of the measured poses may explain instead. offset_px: the
+    fitted displacements. pose_error_px: standard deviation of displacements due to pose errors."""
     gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 
@@ -354,8 +354,9 @@ def _tile_sums(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tu
 
 
 def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) -> dict[str, Any]:
-    """Returns the verdict on a depth engine and its fitted effects. nuisance: the effect depends on the matcher alone
-    and is no fault. added: the fault that model.json holds. name_of: returns a material's name by its number."""
+    """Returns `depth` of diagnose.json: the verdict on the depth engine and the fitted effects. nuisance: whether an
+    effect is a choice of the matcher, no fault. added: the fault that model.json holds. name_of: returns a material's
+    name for its index."""
     faults = depth.named(is_choice=False)[:1]
     verdict, reason = (EFFECT if faults else NONE), None
     if not depth.findings:

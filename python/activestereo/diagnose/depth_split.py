@@ -50,18 +50,18 @@ def depth_split(
     capture: Capture, plain: ImageErrors, given: ImageErrors, found: ImageErrors, depth: Depth,
     name_of: Callable[[int], str], seed: int,
 ) -> dict[str, Any] | None:  # fmt: skip
-    """Returns diagnose.json's `depth_split`; None if no pixel has a depth of both engines.
+    """Returns diagnose.json's `depth_split`; None if no pixel has a depth from both engines.
 
-    capture: as stated, which the device's matcher assumes. plain, given, found: image errors of the base model, the
-    given model and model.json, at the corrected geometry. depth: the judgement of the depth engine. name_of: returns a
-    material's name by its number.
+    capture: with its stated geometry, which the device's matcher assumes. plain, given, found: image errors of the base
+    model, the given model and model.json at the estimated geometry. depth: the judgement of the depth engine. name_of:
+    returns a material's name for its index.
     """
     filters = _on_depth(found.model)
     for f in (*depth.named(is_choice=True), *depth.named(is_choice=False)[:1]):
         filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.parameters().items()})
 
     def depths(errors: ImageErrors) -> dict[int, DepthFrame]:
-        """Matches the pairs that a model expects, under the found model's noise."""
+        """Matches the image pairs that a model predicts, under the found model's noise; returns {frame id: depths}."""
         pairs = errors.measured, errors.predictions, found.views, found.noise_model
         return {d.frame.id: d for d in model_depths(capture, *pairs, Model(), seed)}
 
@@ -85,7 +85,8 @@ def depth_split(
 
 
 def split_of(before: Sequence[Errors], after: Sequence[Errors], name_of: Callable[[int], str]) -> dict[str, Any]:
-    """Returns the parts of the error under two models of the same pixels: in all, by distance and by material."""
+    """Returns the parts of the depth error under two models at the same pixels: in total, by distance and by
+    material."""
     joined = [{name: np.concatenate([f[name] for f in frames]) for name in frames[0]} for frames in (before, after)]
     parts = [_parts(errors) for errors in joined]
     distance_m, material = (joined[1][name] for name in ("distance_m", "material"))
@@ -109,9 +110,9 @@ def split_of(before: Sequence[Errors], after: Sequence[Errors], name_of: Callabl
 def _matched(
     own: NDArray[np.float32], base: DepthFrame, expected: DepthFrame, on_depth: Model, view: View
 ) -> tuple[Errors, NDArray[np.bool_]]:
-    """Returns a frame's Errors under a model as images [height][width], and the pixels where all are known. own: our
-    matcher's depth of the measured pair, m. base, expected: depths of the base model's and of the model's pairs.
-    on_depth: the model's effects on disparity and depth."""
+    """Returns a frame's Errors as images [height][width], and a mask of the pixels where all are known. own: our
+    matcher's depth of the measured pair. base, expected: depths of the pairs that the base model and a model predict.
+    on_depth: that model's effects on disparity and depth."""
     filtered, modelled = (on_depth.depth(z, view) for z in (own, expected.model[0]))
     depths = base.measured, own, filtered, modelled, *base.model, *expected.model
     matched = [base.disparity_error(depth, base.truth) for depth in depths]
@@ -151,8 +152,8 @@ def _parts(errors: Errors) -> dict[str, NDArray[np.float64]]:
 
 
 def _told(errors: Errors, px: Mapping[str, NDArray[np.float64]], here: NDArray[np.bool_]) -> dict[str, Any]:
-    """Returns the RMS of the error, the RMS that the model leaves of it, and each part's share, in pixels and metres.
-    px: _parts(). here: the pixels that count."""
+    """Returns the RMS error, the RMS error that the model leaves, and each part's share, in px of disparity and in
+    metres. px: the result of _parts(). here: mask of the pixels that count."""
     out: dict[str, Any] = {"rms_px": 0.0, "rms_m": 0.0, "beside_model_px": 0.0, "beside_model_m": 0.0}
     parts: dict[str, dict[str, float]] = {name: {} for name in (*PARTS, "sensor's own")}
     for unit, factor in (("px", np.ones(here.sum())), ("m", errors["metres_per_px"][here])):

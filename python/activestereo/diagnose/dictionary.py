@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dictionary of a search: the change of the expected images by each effect, at a few amplitudes and shapes.
+"""The dictionary of a search: how each effect changes the expected images, at a few amplitudes and shapes.
 
 A column is the exact difference of two expected images, not a derivative: dots that move or clip are far from linear.
-Effects whose likelihood has narrow peaks propose their own points (Effect.starts).
+Effects whose likelihood has narrow peaks propose their own trial parameters (Effect.starts).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,12 +31,12 @@ _MOST_SHAPES, _MOST_PROPOSED = 6, 4
 
 @dataclass(frozen=True)
 class Atom:
-    """One trial shape of an effect, whose image changes form one or more columns of the dictionary, each with a free
+    """One trial shape of an effect. Its image changes are one or more columns of the dictionary, each with a free
     coefficient.
 
     values: the effect's parameters at coefficient 1 of the first column and 0 of the others. steps: for each column,
-    the parameter that it moves and by how much per unit of coefficient. signed: whether a coefficient may be negative.
-    sigma: prior standard deviation of each coefficient. first: index of the first column in the dictionary.
+    (the parameter that it changes, the change per unit of coefficient). signed: whether each coefficient may be
+    negative. sigma: prior standard deviation of each coefficient. first: index of the first column in the dictionary.
     """
 
     effect: Effect
@@ -54,8 +54,8 @@ class Atom:
 def atoms_of(
     linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
 ) -> list[Atom]:
-    """Returns the trial shapes (atoms) of effects, at a few amplitudes and shape parameters each. reach: prior
-    deviation of an amplitude, in typical values. memory: caches the points that built-in effects propose
+    """Returns the trial shapes (atoms) of effects, at a few amplitudes and shape parameters each. reach: prior standard
+    deviation of an amplitude, in typical values. memory: caches the trial parameters that effects propose
     (Effect.starts), which `workers` processes compute."""
     atoms: list[Atom] = []
     proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
@@ -69,14 +69,14 @@ def atoms_of(
 
 
 def numbered(atoms: Sequence[Atom]) -> list[Atom]:
-    """Returns the atoms with columns from 0 on, as a dictionary of their own."""
+    """Returns the atoms with their columns renumbered from 0, as a dictionary without other atoms."""
     ends = np.cumsum([0, *(len(atom.steps) for atom in atoms)])
     return [replace(atom, first=int(first)) for atom, first in zip(atoms, ends, strict=False)]
 
 
 def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
-    """Returns the middle atom of each effect and first parameter that it moves. Atoms at points that effects propose
-    themselves are all returned."""
+    """Returns one atom, the middle one, for each effect and each parameter of a first column. Atoms that effects
+    propose themselves are all returned."""
     groups: dict[object, list[Atom]] = {}
     for atom in atoms:
         group = atom.first if atom.effect.starts else (atom.effect.id, atom.steps[0][0])
@@ -87,8 +87,8 @@ def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
 def _proposals(
     linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
 ) -> dict[str, NDArray[np.float64]]:
-    """Returns {effect: parameters [n][parameter]}: the points near narrow likelihood peaks that the effects propose
-    themselves. NaN stands for a parameter's neutral value."""
+    """Returns {effect: parameters [n][parameter]}, the trial parameters that effects propose near narrow likelihood
+    peaks. NaN stands for a neutral value."""
     contents = {e.id: effect_content(e) for e in effects}
     keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
     seen = cache(lambda: start_images(linear))
@@ -110,7 +110,7 @@ def _proposals(
 
 
 def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
-    """Computes the image changes of all trial shapes, [columns][n], at the pixels of all observations, in noise
+    """Returns the image changes of all trial shapes, [columns][n], over the pixels of all observations, in noise
     standard deviations. workers: number of processes. memory: caches the columns of built-in effects."""
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
@@ -130,7 +130,7 @@ def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitC
 
 
 def _compute_columns(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
-    """Computes columns_of() without a cache, [columns][n]; float16 rounds far below the noise."""
+    """Computes columns_of() without a cache, [columns][n]. float16 suffices, as its rounding is far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
     model = linear.solution.model
@@ -163,8 +163,8 @@ def _in_halves(change: Columns) -> NDArray[np.float16]:
 
 
 def carried(columns: Columns, before: Fitter, after: Fitter) -> Columns:
-    """Converts columns [columns][n] (changes of n pixels by effects) from the pixels and weights of one fitter to those
-    of another one. Pixels that the first fitter lacks get 0."""
+    """Converts columns [columns][n] from the pixels and weights of one fitter to those of another. Pixels that the
+    first fitter lacks get 0."""
     out = np.zeros((len(columns), sum(len(p.index) for p in after.pixels())), np.float32)
     first = start = 0
     for old, new in zip(before.pixels(), after.pixels(), strict=True):
@@ -195,8 +195,8 @@ _Plan = tuple[dict[str, float], list[tuple[Parameter, float]], tuple[float, ...]
 
 
 def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> Iterator[_Plan]:
-    """Yields (values, steps, sigma) for each Atom of an effect, as Atom defines them. starts: points that the effect
-    proposes itself, [n][parameter], NaN = neutral. reach: prior deviation of an amplitude, in typical values."""
+    """Yields (values, steps, sigma) for each Atom of an effect, as defined there. starts: trial parameters that the
+    effect proposes, [n][parameter], NaN = neutral; None if it proposes none. reach: as in atoms_of()."""
     if starts is not None:
         yield from _proposed(effect, starts)
         return
@@ -224,8 +224,8 @@ def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
 
 
 def _levels(p: Parameter, stage: Stage) -> list[float]:
-    """Returns the amplitudes to try, as differences from neutral: one if images are linear in it, several if dots move
-    or pixels clip."""
+    """Returns the amplitudes to try, relative to neutral. One suffices for a stage where images are linear in it;
+    others need several, because dots move or pixels clip."""
     up, down = p.high - p.neutral, p.neutral - p.low
     if Stage.MEDIUM <= stage <= Stage.SURFACE or stage in (Stage.OPTICS, Stage.DIGITAL):
         return [min(p.typical, up)] if up > 0 else [-min(p.typical, down)]
@@ -236,7 +236,7 @@ def _levels(p: Parameter, stage: Stage) -> list[float]:
 
 
 def _ladder(p: Parameter) -> list[float]:
-    """Returns values of a shape parameter to try."""
+    """Returns the values of a shape parameter to try, ascending."""
     if p.low > 0:
         return sorted({p.neutral, *np.geomspace(max(p.low, 0.2 * p.neutral), min(p.high, 4 * p.neutral), 4).tolist()})
     return sorted({v for v in (p.neutral, p.neutral + p.typical, p.neutral - p.typical) if p.low <= v <= p.high})

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the held-out errors of the given model and of the written one. If a capture keeps no test frames, each train
-frame is left out in turn.
-"""
+"""Computes held-out errors of the given model and of the found model. If a capture has no test frames, each train frame
+is left out in turn."""
 
 from __future__ import annotations
 
@@ -31,10 +30,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ErrorsOfModels:
-    """Computes the ImageErrors of models on a capture, at the stated geometry and at the one that the diagnosis found.
-    base: renders the base model's light on all frames of a capture. seed, engines: as in compare(). progress: called
-    with the fraction of a model that engines have rendered. cache: keeps their light, or None. stands: the capture at
-    the geometry that was found, None if it is as stated."""
+    """Computes ImageErrors of models on a capture, at its stated geometry and at the estimated geometry. base: renders
+    the base model's light on all frames of a capture. seed, engines: as in compare(). progress: called with the share
+    of a model that engines have rendered. cache: keeps that light, or None. stands: the capture at the estimated
+    geometry, None if that is the stated one."""
 
     capture: Capture
     base: Callable[[Capture], Halves]
@@ -45,24 +44,24 @@ class ErrorsOfModels:
     stands: Capture | None = None
 
     def at_stated_geometry(self, model: SensorModel) -> ErrorsOfModels:
-        """Returns the same with the geometry that a model states."""
+        """Returns these ErrorsOfModels with the geometry that a model states as the estimated one."""
         there = calibrated(self.capture, model)
         return self if _stand_alike(there, self.capture) else replace(self, stands=there)
 
     def given(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of the model that a diagnosis starts from; None: of the base model. Models of effects are
-        on the capture as stated, a SensorModel on the capture that it calibrates."""
+        """Returns the errors of the model that a diagnosis starts from; None = the base model. A Model is judged at the
+        capture's stated geometry, a SensorModel at its own calibration."""
         if model is None and self.stands is None:
             return self.plain()
         return self._under(model, calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture)
 
     @computed_once
     def plain(self) -> ImageErrors:
-        """Returns the errors of the base model on the capture at the geometry that was found."""
+        """Returns the errors of the base model at the estimated geometry."""
         return self._under(None, self.stands or self.capture)
 
     def found(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of a model on the capture at the geometry that was found."""
+        """Returns the errors of a model at the estimated geometry; None = the base model."""
         return self.plain() if model is None else self._under(model, self.stands or self.capture)
 
     def _under(self, model: Model | SensorModel | None, capture: Capture) -> ImageErrors:
@@ -77,13 +76,13 @@ class ErrorsOfModels:
 
     @computed_once
     def _base_light(self) -> BaseLight:
-        """Returns the base model's light at the geometry that was found. It is kept because it is expensive."""
+        """Returns the base model's light at the estimated geometry. It is cached because rendering is expensive."""
         capture = self.stands or self.capture
         return BaseLight.of(capture, self.base(capture), self.seed)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:
-    """Returns whether cameras, projector and views of two captures are the same."""
+    """Returns whether two captures have the same cameras, projector and poses."""
 
     def places(capture: Capture) -> list[NDArray[np.float64]]:
         rig = capture.rig
@@ -97,12 +96,12 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, added: list[str], written: SensorModel
 ) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
-    """Returns (errors in numbers, ImageErrors of the given model, of the same at the geometry that was found, of the
+    """Returns (errors as numbers; ImageErrors of the given model, of the given model at the estimated geometry, of the
     written model).
 
-    Numbers are root mean squares in DN pooled over images, without the renderer's noise (noise_square); None without
-    test frames. errors: with the geometry of the written model, which model.json holds. added: the effects that the
-    written model has more.
+    Numbers are root mean squares in DN over all images of a split, without the renderer's noise; None if the split has
+    no frames. errors: with the geometry of the written model. written: the contents of model.json. added: the effects
+    that it has beyond the given model.
     """
     before, after = errors.given(given), errors.found(written)
     standing = before if errors.stands is None else errors.found(given)
@@ -126,8 +125,8 @@ def held_out_figures(
 
 
 def left_out_rmse(fitter: Fitter, solution: Solution) -> float:
-    """Returns the root mean square error in DN of each frame under parameters and nuisances fitted to all other frames,
-    by the linear model at a solution. Pixels where the scene is unknown do not count."""
+    """Returns the root mean square error in DN if each frame is predicted by a fit to all other frames. That fit is the
+    linear model at the solution. Pixels where the scene is unknown do not count."""
     linear, weight = linearised(fitter, solution), np.concatenate([p.root_weight for p in fitter.pixels()])
     frame = np.concatenate([np.full(len(p.index), p.observation.frame.id) for p in fitter.pixels()])
     A, r = linear.nuisances, linear.residual

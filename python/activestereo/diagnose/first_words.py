@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells what a recording looks like before all of it is rendered: the scores of one view, at its stated geometry."""
+"""Makes a first guess before a whole recording is rendered: effects' scores on one view, at its stated pose."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,11 +15,11 @@ from activestereo.diagnose.search import Search
 from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model
 
-_NAMES = 3  # as many are told
+_NAMES = 3  # most effects that the clause names
 
 
 def richest_view(capture: Capture) -> Capture:
-    """Returns the capture with the train frames of one pose alone, the one with the most settings."""
+    """Returns the capture with the train frames of one pose only, the pose with the most different settings."""
     views: dict[tuple[bytes, bool], list[Frame]] = {}
     for f in capture.split("train"):
         views.setdefault((f.camera_to_world.tobytes(), f.is_moving), []).append(f)
@@ -34,7 +34,7 @@ def richest_view(capture: Capture) -> Capture:
 def first_words(
     evidence: Evidence, model: Model, effects: Sequence[Effect], workers: int, numbers: Numbers, kept: LayerCache
 ) -> str:
-    """Returns a clause with the likeliest effects, by the scores of one view's evidence."""
+    """Returns a clause that names the likeliest effects, by their scores on the evidence of one view."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return "the infrared images of the view looked at first are blank"
     memory = FitCache(kept, evidence.train)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor model that a diagnosis ends with, and the geometry and albedos in it that differ from the stated ones."""
+"""The sensor model that a diagnosis returns, and its geometry and albedos that differ from the stated ones."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -26,9 +26,9 @@ _NAMES = ("projector_scale", "ambient_scale", "black_dn")
 
 
 def geometry_json(geometry: Geometry) -> list[dict[str, Any]]:
-    """Returns [{what, text, the correction, its standard errors}] of corrections that exceed their errors. Focal
-    lengths have relative changes; the projector and views have moves in mm and turns in degrees. stated_sigmas: the
-    largest correction of a coordinate in stated deviations."""
+    """Returns [{what, text, the correction, its standard errors}] for corrections far beyond their standard errors.
+    Corrections are relative changes of focal lengths; moves in mm and turns in degrees of projector and views.
+    stated_sigmas: the largest correction of one coordinate, in stated deviations."""
     if geometry.is_as_stated():
         return []
     known, told = geometry.stated.uncertainty, list[dict[str, Any]]()
@@ -65,8 +65,8 @@ def geometry_json(geometry: Geometry) -> list[dict[str, Any]]:
 
 
 def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
-    """Returns {index of an albedo nuisance: the number of a surface of its material}. Index -1 stands for the largest
-    material, whose albedo is part of the scales."""
+    """Returns {index of an albedo nuisance: index of a surface with its material}. Key -1 is the largest material,
+    whose albedo is part of the light scales."""
     found: dict[int, int] = {}
     for o in evidence.train:
         for index in np.unique(o.material):
@@ -77,15 +77,15 @@ def albedo_surfaces(evidence: Evidence) -> dict[int, int]:
 
 
 def albedo_factors(evidence: Evidence, solution: Solution) -> np.ndarray:
-    """Returns each albedo nuisance as a factor on the scene's albedo, [n], at least 0: a fit that misses an effect may
-    ask for less."""
+    """Returns each fitted albedo divided by the scene's albedo, [n]. Negative values become 0: a fit that misses an
+    effect may have them."""
     return np.maximum(0.0, 1.0 + solution.phi[DENSE : DENSE + evidence.materials])
 
 
 def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[dict[str, Any]]:
-    """Returns [{material, text, factor on the scene's albedo, its standard error, its distance from 1 in stated
-    deviations}] of materials far from their stated albedo. It is empty beside an effect of surfaces, which changes the
-    meaning of albedos.
+    """Returns [{material, text, factor, factor_sigma, stated_sigmas}] for materials far from their stated albedo.
+    factor: fitted over stated albedo, with its standard error. stated_sigmas: its distance from 1 in stated deviations.
+    The list is empty if an effect of surfaces was fitted, which changes the meaning of albedos.
 
     Light and albedos share one factor, which is fixed so that the median material reflects as stated.
     """
@@ -115,7 +115,8 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
 
 
 def _stated(evidence: Evidence, number: int) -> float | None:
-    """Returns the infrared albedo of a material in the scene file; None if it has none, or a texture gives it."""
+    """Returns the infrared albedo that the scene file states for a material; None if it states none or uses a
+    texture."""
     if evidence.capture.scene_path.suffix.lower() != ".gltf":
         return None
     materials = read_json(evidence.capture.scene_path).get("materials", [])
@@ -126,8 +127,9 @@ def _stated(evidence: Evidence, number: int) -> float | None:
 def found_model(
     evidence: Evidence, model: Model, solution: Solution, found: Mapping[str, Mapping[str, Interval]]
 ) -> SensorModel:
-    """Returns a sensor model: the capture's calibration and pattern, the effects of `model`, the nuisances and albedos
-    of its fit, and the noise model if the noise was measured. found: {effect: its parameters with intervals}."""
+    """Returns the sensor model: the capture's calibration and pattern, the effects of `model`, and the fitted nuisances
+    and albedos. The noise model is included if the noise was measured on full-size images. found: {effect: {parameter:
+    its interval}}."""
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     factors = albedo_factors(evidence, solution)
     albedo = {

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gathers the evidence of a capture: images, their expected variances and tiles. Estimates both again under a model.
+"""Gathers a capture's evidence: images, their expected variances, tiles. Estimates the variances again under a model.
 
-A missing effect passes for noise and for misplaced edges. A dark signal that grows with temperature is not light, but
-photon transfer takes it for light. If it grows from one repeat to the next, it adds to their variance. The model found
-so far removes both.
+A missing effect passes for noise and for misplaced edges. For example, a dark signal that grows with temperature is not
+light, but photon transfer takes it for light. If it grows from one repeat to the next, it adds to their variance. The
+model found so far removes such errors from the estimate.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -40,10 +40,10 @@ NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
-    """Makes the Evidence of a capture from its rendered layers {frame id: {side: Layers}}. Frames without layers are
+    """Returns the Evidence of a capture from its rendered layers {frame id: {side: Layers}}. Frames without layers are
     left out.
 
-    seed: sets every random choice. geometry: the corrections that the capture already contains; None = none.
+    seed: seeds every random choice. geometry: the corrections that the capture already contains; None = none.
     """
     geometry = geometry or Geometry.as_stated(capture)
     measured_images = _measured_images(capture, layers, seed)
@@ -66,7 +66,7 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
 
 
 def held_out(evidence: Evidence, capture: Capture, layers: LayersOfFrames) -> tuple[Observation, ...]:
-    """Makes observations of the frames that have layers, with the noise and the materials of the evidence's train
+    """Returns observations of the frames that have layers. Noise model and materials are those of the evidence's train
     frames."""
     images = _measured_images(capture, layers, evidence.seed)
     variances = {s.key: evidence.noise_model.image_variance(s) for s in images} | evidence.noise_variances
@@ -94,9 +94,10 @@ def _observed(
     tiles: Mapping[tuple[int, str], np.ndarray],
     train: Sequence[MeasuredImage],
 ) -> tuple[tuple[Observation, ...], int]:
-    """Makes observations of images: adds weights, slopes and materials. Returns them and the number of albedo
-    nuisances. tiles: each pixel's tile, of train images only. train: tell how far edges may be misplaced, and which
-    materials cover enough: all but the largest one, whose albedo is part of the scales."""
+    """Returns (observations of images with weights, slopes and materials; number of albedo nuisances). tiles: each
+    pixel's tile, for train images only. train: the images that show how far edges are misplaced and which materials are
+    large. Each large material except the largest has an albedo nuisance; the largest one's albedo is part of the
+    scales."""
     nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
     edge_discrepancy_m = edge_discrepancy(train, _predicted(train, nuisances), noise_model)
     expected = _expected(images, evidence.noise_variances, nuisances)
@@ -104,8 +105,8 @@ def _observed(
     material_of = np.array([s.material for s in scene_surfaces(evidence.capture.scene_path)], dtype=np.int64)
 
     def material(s: MeasuredImage) -> np.ndarray:
-        """Returns the material of each pixel's surface; a number that is no surface of the scene file stays. All
-        objects of one material share an albedo error."""
+        """Returns the material of each pixel's surface, [height][width]. All objects of one material share an albedo
+        error. An index that is no surface of the scene file is returned unchanged."""
         surface = np.asarray(s.layers.material).astype(np.int64)
         known = surface < len(material_of)
         return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
@@ -141,11 +142,11 @@ def _observed(
 def _expected(
     measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances
 ) -> dict[tuple[int, str], np.ndarray]:
-    """Returns the expected values for the weights, DN: the model's prediction, mixed with the mean of repeated images.
-    The mean's share grows with the error of the prediction, up to half.
+    """Returns the expected values in DN from which weights are computed. They are the model's prediction, mixed with
+    the mean of repeated images. The mean's share grows with the error of the prediction, up to half.
 
-    A weight that depends on its own pixel's noise biases fits downwards, since bright grains weigh too little. A
-    prediction that is as good as the noise allows is therefore used alone.
+    A weight that depends on its own pixel's noise biases fits downwards, since bright grains get too little weight.
+    Therefore a prediction that is as good as the noise allows is used alone.
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in measured_images:
@@ -175,8 +176,8 @@ def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.nda
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:
-    """Estimates noise and pixel weights of the train images again under a model, and returns the Evidence with them.
-    rows: the train images' residuals under the model."""
+    """Returns the Evidence with noise and weights of the train images estimated again under a model. rows: residuals of
+    the train images under that model."""
     train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
     dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
     noise_model, variances = evidence.noise_model, evidence.noise_variances

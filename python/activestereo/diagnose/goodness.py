@@ -113,8 +113,7 @@ class Interval:
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:
-    """Returns (value, low, high), a 90 % interval. Its half width is the root of summed squares of Z90 * deviation and
-    of floor(). deviation: the standard error."""
+    """Returns (value, low, high) of a 90 % interval. It combines the standard error `deviation` with floor()."""
     half = 0.0 if parameter.choice else float(np.hypot(Z90 * deviation, floor(parameter, value)))
     return value, value - half, value + half
 

@@ -32,7 +32,7 @@ Matrix = NDArray[np.float64]
 
 
 def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Observation, ...]:
-    """Returns the observations with a random part of their pixels, 200,000 in all at most. All images of one view and
+    """Returns the observations with a random part of their pixels, about _LOOKED_AT in all. All images of one view and
     camera use the same pixels, so that their light is computed once."""
     share = min(1.0, _LOOKED_AT / max(sum(o.pixels for o in observations), 1))
     views: dict[Cluster, int] = {}

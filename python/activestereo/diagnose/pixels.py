@@ -127,8 +127,7 @@ def _firsts_of_groups(observations: Sequence[MeasuredImage], shared: tuple[str, 
 
 
 class AllPixels:
-    """All pixels of an observation in the image's order. It has the fields of Pixels that exposed() and signal()
-    need."""
+    """All pixels of an observation in the image's order, with those fields of Pixels that signal() needs."""
 
     def __init__(self, observation: Observation) -> None:
         self.observation = observation
