@@ -6,7 +6,7 @@ the true geometry, minus the error of our engine on the model's image pair. Erro
 count as one pixel. A filter is recognised by the variance of differences between neighbours instead.
 
 Some effects are a choice of the matcher, not a fault (EngineFault.is_matcher_choice). They are subtracted first, as
-long as one of them explains most of the error. Faults are judged on the rest.
+long as one of them gains more likelihood than every fault. Faults are judged on the rest.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -48,10 +48,10 @@ _MOST_FRAMES = 0.5
 class DepthFinding:
     """An effect on disparity or depth, fitted to the device's disparity.
 
-    limits: (value, low, high) of each parameter, [n][3], with 90 % intervals. nats: gain of log-likelihood. share: of
-    the squared disparity error, the part that the effect explains. consistency: share of frames that the effect
-    improves. pose_error_nats: the part of the gain that pose errors may explain. is_filter: whether it was fitted as a
-    smoothing filter, by the roughness of errors. is_named: whether the device's depth shows it.
+    limits: (value, low, high) of each parameter, [n][3]. nats: gain of log-likelihood. share: part of the squared
+    disparity error that the effect explains. consistency: share of frames that the effect improves. pose_error_nats:
+    the part of the gain that pose errors may explain. is_filter: whether it was fitted as a smoothing filter, by the
+    roughness of errors. is_named: whether the device's depth shows it.
     """
 
     effect: Effect
@@ -153,8 +153,7 @@ class _DepthFrame:
         )
 
     def applied(self, effect: Effect, values: np.ndarray, disparity: np.ndarray) -> np.ndarray:
-        """Returns a disparity image after an effect. An effect on depth acts on the depth that belongs to the
-        disparity."""
+        """Returns a disparity image after an effect. Effects on depth act on the depth of that disparity."""
         named = {p.name: float(v) for p, v in zip(effect.parameters, values, strict=True)}
         if effect.stage is Stage.DISPARITY:
             return effect.apply(disparity, self.view, **named)
@@ -354,9 +353,8 @@ def _tile_sums(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tu
 
 
 def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) -> dict[str, Any]:
-    """Returns `depth` of diagnose.json: the verdict on the depth engine and the fitted effects. nuisance: whether an
-    effect is a choice of the matcher, no fault. added: the fault that model.json holds. name_of: returns a material's
-    name for its index."""
+    """Returns `depth` of diagnose.json: the verdict and the fitted effects. nuisance: whether an effect is a choice of
+    the matcher, no fault. added: the fault that model.json holds. name_of: returns a material's name for its index."""
     faults = depth.named(is_choice=False)[:1]
     verdict, reason = (EFFECT if faults else NONE), None
     if not depth.findings:

@@ -85,8 +85,7 @@ def depth_split(
 
 
 def split_of(before: Sequence[Errors], after: Sequence[Errors], name_of: Callable[[int], str]) -> dict[str, Any]:
-    """Returns the parts of the depth error under two models at the same pixels: in total, by distance and by
-    material."""
+    """Returns the parts of the depth error under two models at the same pixels, in all, by distance and by material."""
     joined = [{name: np.concatenate([f[name] for f in frames]) for name in frames[0]} for frames in (before, after)]
     parts = [_parts(errors) for errors in joined]
     distance_m, material = (joined[1][name] for name in ("distance_m", "material"))

@@ -115,8 +115,7 @@ def albedo_json(evidence: Evidence, fitter: Fitter, solution: Solution) -> list[
 
 
 def _stated(evidence: Evidence, number: int) -> float | None:
-    """Returns the infrared albedo that the scene file states for a material; None if it states none or uses a
-    texture."""
+    """Returns the infrared albedo of a material in the scene file; None if it has none, or a texture gives it."""
     if evidence.capture.scene_path.suffix.lower() != ".gltf":
         return None
     materials = read_json(evidence.capture.scene_path).get("materials", [])
@@ -127,9 +126,8 @@ def _stated(evidence: Evidence, number: int) -> float | None:
 def found_model(
     evidence: Evidence, model: Model, solution: Solution, found: Mapping[str, Mapping[str, Interval]]
 ) -> SensorModel:
-    """Returns the sensor model: the capture's calibration and pattern, the effects of `model`, and the fitted nuisances
-    and albedos. The noise model is included if the noise was measured on full-size images. found: {effect: {parameter:
-    its interval}}."""
+    """Returns the sensor model: the capture's calibration and pattern, the effects of `model`, fitted nuisances and
+    albedos, and the noise model if it was measured at full size. found: {effect: {parameter: its interval}}."""
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     factors = albedo_factors(evidence, solution)
     albedo = {

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps fits and diagnoses on disk beside the renders. A second diagnosis of a capture repeats no fit, even with more
-effects or other thresholds; one with the same code and options searches nothing.
+"""Caches fits and diagnoses on disk beside the renders. A second diagnosis of a capture repeats no fit, even with more
+effects or other thresholds. With the same code and options it searches nothing.
 
-The key of a fit is the content of all that decides it: the observations (their images, weights and geometry), the code
-of this package, and the space, start and settings of the fit. Fits with a user's own effect are never kept, because its
-code is unknown.
+The key of a fit is a hash of all that determines it: the observations (images, weights, geometry), the code of this
+package, and the parameter space, start and settings of the fit. Fits with a user's own effect are never cached, because
+its code is unknown.
 """
 
 import hashlib
@@ -39,7 +39,8 @@ Found: TypeAlias = tuple[dict[str, Any], SensorModel, str | None]
 
 
 class FitCache:
-    """The fits to one capture: a single entry of the disk cache, read at the start and written by save()."""
+    """The fits to one capture. They are one entry of the disk cache, which is read at the start and written by
+    save()."""
 
     def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
@@ -51,12 +52,12 @@ class FitCache:
         self._kept_before = len(self._known)
 
     def __iter__(self) -> Iterator[str]:
-        """Iterates over the keys of the fits that are kept."""
+        """Iterates over the keys of the cached fits."""
         return iter(self._known)
 
     def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
-        """Runs work(item) for every item in worker processes and keeps the fits that they make. Items that fail there
-        are left to the caller's own work(item), which then raises the error."""
+        """Runs work(item) for every item in worker processes, and caches the fits that they make. If an item fails
+        there, the caller's own work(item) raises the error."""
 
         def made(item: Any) -> dict[str, Arrays]:
             before = len(self._known)
@@ -68,8 +69,8 @@ class FitCache:
                 self._known.update(done.result())
 
     def once(self, key: str | None, make: Callable[[], Arrays]) -> Arrays:
-        """Returns the arrays cached under a key; if there are none, calls make() and caches its result. key None:
-        always calls make() and caches nothing."""
+        """Returns the arrays cached under a key; if there are none, calls make() and caches its result. If key is None,
+        it always calls make() and caches nothing."""
         if key in self._known:
             return self._known[key]
         made = make()
@@ -86,8 +87,8 @@ class FitCache:
 
 
 def effect_content(effect: Effect) -> str | None:
-    """Returns an effect's identity as text: a built-in effect's id, plus a hash of rendered images if it uses them
-    (refit.py). None for other effects, whose code is unknown."""
+    """Returns text that identifies an effect: a built-in effect's id, plus a hash of its rendered images or curve if it
+    uses them (refit.py). Returns None for other effects, whose code is unknown."""
     own = builtin().get(effect.id)
     if effect is own:
         return effect.id
@@ -98,7 +99,7 @@ def effect_content(effect: Effect) -> str | None:
 
 
 def content_key(*values: object) -> str:
-    """Returns a hash of numbers, texts, arrays, and records, lists or mappings of them. File paths do not count."""
+    """Returns a hash of numbers, texts, arrays, and dataclasses, lists or mappings of these. File paths are ignored."""
     known: dict[int, tuple[object, bytes]] = {}
 
     def of(value: Any) -> bytes:
@@ -155,15 +156,15 @@ def key_of(capture: Capture, effects: Mapping[str, Effect], *options: object) ->
 
 
 def keep(cache: LayerCache, key: str, found: Found) -> None:
-    """Writes a diagnosis to the cache."""
+    """Writes a diagnosis to the cache under a key."""
     result, model, stub = found
     record = result, model_json(model, "pattern.png"), stub
     cache.put_arrays(key, {"diagnosis/found": np.frombuffer(json.dumps(record).encode(), np.uint8)})
 
 
 def kept(cache: LayerCache, key: str, capture: Capture) -> Found | None:
-    """Reads a diagnosis from the cache; None if it holds none. The capture's folder may have moved since: the model
-    gets the pattern file of the capture's present place."""
+    """Reads a diagnosis from the cache; returns None if there is none. The model gets the pattern file of `capture`,
+    whose folder may have moved since."""
     stored = cache.get_arrays(key)
     if stored is None:
         return None

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Suggests the next measurement: settings of the known views that would separate explanations that fit alike.
 
-The value of a measurement is the expected difference of log-likelihood, 1/2 |mu_i - mu_j|^2 / variance, between two
-explanations. One of them is first refitted to the other's predictions for the new frames, while the recorded frames
+The value of a measurement is the expected difference of log-likelihood between two explanations, 1/2 |mu_i - mu_j|^2 /
+variance. One of them is first refitted to the other's predictions for the new frames, while the recorded frames
 constrain its parameters and nuisances (T-optimal design: Atkinson and Fedorov 1975). The value is divided by the
-residuals' design effect. The pair of explanations that a measurement separates least decides its rank.
+residuals' design effect. A measurement is ranked by the pair of explanations that it separates least.
 """
 
 from collections.abc import Mapping, Sequence
@@ -109,7 +109,8 @@ def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None]
 def _worst_pair(
     evidence: Evidence, members: Mapping[str, Solution], observations: Sequence[Observation], change: Change
 ) -> tuple[float, tuple[str, ...]]:
-    """Returns the least nats by which frames with a change separate two of the members, and the names of these two."""
+    """Returns the least nats by which frames with a change of settings separate two of the members, and the ids of
+    these two effects."""
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # Each view is recorded again, so that there are as many pixels as in the train frames.
@@ -123,9 +124,9 @@ def _worst_pair(
 def left_between(
     evidence: Evidence, changed: Sequence[Observation], truth: Solution, rival: Solution, copies: float
 ) -> float:
-    """Returns half the squared distance, in noise deviations, from the prediction of `truth` to the nearest one of
-    `rival`. The rival moves by one Gauss-Newton step, penalised by how much worse it then fits the recorded frames.
-    changed: the observations under the new settings. copies: how often each of them counts."""
+    """Returns the least expected nats between `truth` and `rival` under new settings: half the squared distance of
+    predictions in noise deviations. The rival is refitted by one Gauss-Newton step, and loses what it then fits the
+    recorded frames worse. changed: the observations under the new settings. copies: how often each of them counts."""
     predicted = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, supersampled=False), truth.phi)

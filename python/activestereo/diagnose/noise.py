@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judges effects of temporal noise: noise that rows share, coarse digital steps, and photon transfer.
+"""Judges effects of temporal noise: row noise, coarse digital steps, and photon transfer.
 
-The level of independent noise is a nuisance. Such terms are reported with their values. They count as missing only if
-the model states its noise, that is if it has a term of that kind already.
+The level of independent pixel noise is a nuisance. Its terms are reported with their values. They count as missing only
+if the given model states its noise, that is, if it already has a term of that kind.
 """
 
 from collections.abc import Sequence
@@ -34,8 +34,9 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 @dataclass(frozen=True)
 class NoiseTerm:
-    """An effect of temporal noise as fitted. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values:
-    {parameter: (value, low, high)}. share: of the noise floor that it explains."""
+    """The fit of an effect of temporal noise. nats: gain of log-likelihood. variance: that the effect explains per
+    pixel, DN^2. values: {parameter: (value, low, high)}. share: of the noise floor, the part that the effect
+    explains."""
 
     effect: Effect
     nats: float
@@ -51,8 +52,8 @@ class NoiseTerm:
 def noise_terms(
     evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
 ) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
-    judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
+    """Fits all effects of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
+    judged on repeated frames, and coarse digital steps on the histogram of DN. given: the model, which may state its
     noise."""
     floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
     for effect in effects:
@@ -80,8 +81,8 @@ def _of_repeats(effect: Effect, evidence: Evidence, given: Model, numbers: Numbe
 
 
 def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
-    """Fits the step between the digital numbers that occur, for a converter with coarse steps. parameter: the step's
-    name."""
+    """Fits the step between the digital numbers that occur, as of a converter with coarse steps. parameter: the name of
+    the step's parameter."""
     comb = comb_in(evidence)
     if comb is None:
         return NoiseTerm(effect, 0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
@@ -91,15 +92,15 @@ def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
 
 
 def comb_in(evidence: Evidence) -> Comb | None:
-    """Finds the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
+    """Returns the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
     return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
 
 
 def _rows(
     observations: Sequence[Observation], effect: Effect, parameter: str, largest_correlation: float
 ) -> NoiseTerm | str:
-    """Fits an offset that each row of a frame shares, by the marginal likelihood of differences of repeats. Returns a
-    reason instead of a fit if neighbouring rows vary together."""
+    """Fits a random offset per row of each frame, by the marginal likelihood of differences between repeats. Returns
+    the fit, or a reason why there is none, such as correlated neighbouring rows."""
     weight, moment, beside, both = [], [], 0.0, 0.0
     groups = by_repeats((o.frame, o.side, o) for o in observations)
     for first, second in (pair for group in groups for pair in pairwise(group)):
@@ -126,8 +127,8 @@ def _rows(
 
 
 def _transfer(effect: Effect, term: RandomTerm, evidence: Evidence, model: Model) -> NoiseTerm | str:
-    """Fits variance against mean of the repeated frames with and without a noise term. Other terms are fitted in both.
-    Returns the fit with its gain of likelihood in nats (0 if the model has no noise term), or why there is none."""
+    """Fits the variance of repeated frames against their mean, with and without a noise term; other terms are in both
+    fits. Returns the fit, or a reason why there is none. Its gain in nats is 0 if the model has no noise term."""
     capture = evidence.capture
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:
@@ -150,8 +151,8 @@ def _transfer(effect: Effect, term: RandomTerm, evidence: Evidence, model: Model
 def _column(
     lever: Lever, gain: float | np.ndarray, mean: np.ndarray, square: np.ndarray, black_dn: float
 ) -> np.ndarray:
-    """Returns the variance that a noise term adds per unit of its coefficient, DN^2, at given means [n] and mean
-    squares [n] of DN. lever: the signal that the term grows with."""
+    """Returns the variance in DN^2 that a noise term adds per unit of its coefficient, [n]. mean, square: mean and mean
+    square of DN, [n]. lever: the signal that the variance grows with."""
     signal = np.maximum(mean - black_dn, 0.0)
     return _TRANSFER[lever](gain, signal, np.maximum(square - 2 * black_dn * mean + black_dn**2, 0.0))
 

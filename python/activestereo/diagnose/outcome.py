@@ -19,10 +19,9 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 @dataclass(frozen=True)
 class Round:
-    """Holds the results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits.
-    chi2, structure: of the residual before the round. members: {effect: probability} of the effects that fit alike.
-    gain: fall of chi2 by the best effect; floor, chance: the falls that it must exceed. All three are shares of
-    chi2."""
+    """The results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits. chi2,
+    structure: of the residual before the round. members: {effect: probability} of the effects that fit alike. gain:
+    fall of chi2 by the best effect. floor, chance: the falls that it must exceed. These three are shares of chi2."""
 
     candidates: dict[str, Candidate]
     fields: Fields
@@ -37,10 +36,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Name:
-    """An effect that the search named as missing. members: {effect: probability} of all that this recording cannot tell
-    apart, the effect first. gain: fall of the mean squared residual, in noise variances. missed: share of the gain that
-    the effect's formula may have failed to explain. field: fit of its random field, or None. seen: the round that named
-    it; None if repeated frames showed it."""
+    """An effect that the search named as missing. members: {effect: probability} of all effects that this recording
+    cannot distinguish, the named one included. gain: fall of the mean squared residual, in noise variances. missed:
+    share of the gain that the effect's formula may have failed to explain. field: fit of its random field, or None.
+    seen: the round that named it; None if repeated frames showed it."""
 
     effect: Effect
     members: dict[str, float]
@@ -55,8 +54,8 @@ class Name:
 
 
 def takes_any_light(names: Sequence[Name]) -> bool:
-    """Returns whether draws of dots and of views are named beside an effect of expected images. Together these draws
-    take any error that an unknown effect leaves in the projector's light."""
+    """Returns whether the names include random fields of dots and of views, and an effect of expected images. Together
+    such fields absorb any error that an unknown effect leaves in the projector's light."""
     fields = [n for n in names if n.field is not None]
     shared = {t.shared_by for n in fields for t in n.effect.random_terms if t.lever is Lever.PROJECTOR}
     has_image = any(n.seen is not None and n.field is None for n in names)
@@ -66,8 +65,8 @@ def takes_any_light(names: Sequence[Name]) -> bool:
 @dataclass(frozen=True)
 class Outcome:
     """The result of a search. first, solution: fits without and with the named effects, on a random part of the pixels.
-    rows: residuals of all train images under `solution`, less the predicted random fields. noise: {effect: fitted noise
-    term}. unjudged: {effect: reason}. rest: the numbers behind the verdict."""
+    rows: residuals of all train images under `solution`, with predicted random fields subtracted. noise: {effect:
+    fitted noise term}. unjudged: {effect: reason}. rest: the numbers behind the verdict."""
 
     evidence: Evidence
     fitter: Fitter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a search's outcome as diagnose.json holds it: the ranking, the sets, and the numbers behind the verdict."""
+"""Converts a search's outcome to entries of diagnose.json: the ranking, the sets, the numbers behind the verdict."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -20,7 +20,8 @@ Json = dict[str, object]
 
 
 def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
-    """Returns a parameter as found. A choice of surfaces also gets the names of their materials; no name means all."""
+    """Returns a fitted parameter as JSON. A choice of surfaces also gets its materials' names; an empty list means
+    all."""
     names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
     return found.as_json() | names
 
@@ -37,8 +38,9 @@ def parameters_of(outcome: Outcome, name: Name) -> Parameters:
 def ranking_of(
     outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
 ) -> list[Json]:
-    """Returns the ranking: the named effects in order, then all effects that this recording cannot tell from them, then
-    fitted effects by gain, then the rest by score, highest first. name_of: gives a material's name for its number."""
+    """Returns the ranking: first the named effects in order, then effects that this recording cannot distinguish from
+    them, then other fitted effects by gain, then the rest by score. name_of: returns a material's name for its
+    index."""
     entries: dict[str, Json] = {}
     pixels, known = outcome.fitter.pixels_used(), _known(outcome, numbers)
 
@@ -91,8 +93,8 @@ def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[st
 
 
 def _nats(outcome: Outcome, gain: float) -> float:
-    """Returns the gain of the profile log-likelihood by a fall of the first round's mean square (noise variances). The
-    noise's scale is free: the residual of every model counts as noise."""
+    """Returns the gain of profile log-likelihood that belongs to a fall of the first round's mean square, in noise
+    variances. The noise's scale is free: the residual of every model counts as noise."""
     pixels = outcome.fitter.pixels_used()
     left = max(1.0 - gain * pixels / outcome.rounds[0].chi2, 1e-3)
     return -0.5 * pixels / _design(outcome) * float(np.log(left))
@@ -103,7 +105,7 @@ def _design(outcome: Outcome) -> float:
 
 
 def _known(outcome: Outcome, numbers: Numbers) -> float:
-    """Returns the probability that the effects named (or that none is missing) are right."""
+    """Returns the probability that the named effects are right, or, without a name, that none is missing."""
     is_named = bool(outcome.names)
     return probability_right(missing(outcome.rest, is_named, numbers), is_named)
 
@@ -118,9 +120,9 @@ def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:
 
 
 def sets_of(outcome: Outcome) -> list[Json]:
-    """Returns [{effects, probabilities, rivals}] for each named effect. effects: those that this recording cannot tell
-    apart, likeliest first. rivals: {effect: share of the error that it explains} of other fitted effects, the best
-    first."""
+    """Returns [{effects, probabilities, rivals}], one entry for each named effect. effects: those that this recording
+    cannot distinguish, likeliest first. rivals: {effect: share of the error that it explains} of the other fitted
+    effects, best first."""
     pixels, sets = outcome.fitter.pixels_used(), list[Json]()
     for name in outcome.names:
         seen, rivals = name.seen, dict[str, float]()
@@ -134,7 +136,7 @@ def sets_of(outcome: Outcome) -> list[Json]:
 
 def _explained(outcome: Outcome, gain: float) -> float:
     """Returns the share of the error beyond noise that a fall of the mean square explains, at most 1. Error and noise
-    are those of the first round, under whose weights the fits are: noise is no more than the best of them leaves."""
+    are those of the first round, because fits have its weights. The noise is at most what the best fit leaves."""
     first = outcome.rounds[0]
     noise = min([outcome.fitter.pixels_used(), *(fit.chi2 for fit in first.fits.values())])
     return min(gain * outcome.fitter.pixels_used() / max(first.chi2 - noise, 1e-9), 1.0)

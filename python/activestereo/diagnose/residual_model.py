@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes an error that no effect of the library explains: its stage in the pipeline, and a sparse linear model.
 
-The model comes from a forward selection (Bayesian information criterion) over few physical terms. They are fitted to
-tile means of the residual relative to the light it would act on, with intervals by a bootstrap over tiles.
+A forward selection (Bayesian information criterion) chooses among few physical terms. They are fitted to tile means of
+the residual divided by the light that it would act on. Intervals come from a bootstrap over tiles.
 """
 
 from collections.abc import Mapping, Sequence
@@ -66,8 +66,8 @@ _LIBRARY = (
 
 def residual_model(rows: Sequence[ImageResidual], black_dn: float, seed: int = 0) -> dict[str, Any]:
     """Fits a sparse formula to the residuals of the train images; returns diagnose.json's `residual_model`. stage:
-    where it acts. terms: summands with their name, code in the stub, and factor with a 90 % interval. explained_share:
-    of the residual's variance over tiles."""
+    where the error arises. terms: summands with their name, Python code, and factor with a 90 % interval.
+    explained_share: of the residual's variance over tiles, the part that the formula explains."""
     stage = _stage(rows)
     tiles = [_tiles(row, stage, black_dn) for row in rows]
     target, weight = (np.concatenate([t[name] for t in tiles]) for name in ("target", "weight"))
@@ -93,7 +93,7 @@ def residual_model(rows: Sequence[ImageResidual], black_dn: float, seed: int = 0
 
 
 def effect_stub(model: Mapping[str, Any], capture: str) -> str:
-    """Returns Python text of an effect with the formula of a residual_model(). capture: its name."""
+    """Returns Python text that defines an effect by the formula of residual_model(). capture: the capture's name."""
     code = " + ".join(f"{t['value']:.6g} * {t['code']}" for t in model["terms"]) or "0.0"
     _, value, result = _STAGES[model["stage"]]
     source = f"found by activestereo diagnose in {capture}"
@@ -116,7 +116,7 @@ def _stage(rows: Sequence[ImageResidual]) -> str:
 
 
 def _tiles(row: ImageResidual, stage: str, black_dn: float) -> dict[str, np.ndarray]:
-    """Returns tile means of the covariates and of the residual relative to the light it would act on, with their
+    """Returns tile means of the covariates and of the residual divided by the light that it would act on, with their
     weights."""
     o, image, dots, residual = row
     base = {"PROJECTOR": dots, "READOUT": image - black_dn, "DIGITAL": np.ones(image.shape)}[stage]
@@ -149,7 +149,8 @@ def _solve(A: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _forward(columns: Sequence[np.ndarray], target: np.ndarray, weight: np.ndarray) -> list[int]:
-    """Returns the indices of terms, added as long as the information criterion of the weighted fit falls."""
+    """Returns the indices of the selected terms. Terms are added as long as the weighted fit's information criterion
+    falls."""
     chosen: list[int] = []
     count = len(target)
     best = count * np.log(max((weight * target**2).sum(), 1e-300))
