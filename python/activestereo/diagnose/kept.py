@@ -39,8 +39,7 @@ Found: TypeAlias = tuple[dict[str, Any], SensorModel, str | None]
 
 
 class FitCache:
-    """The fits to one capture. They are one entry of the disk cache, which is read at the start and written by
-    save()."""
+    """The fits to one capture, as one entry of the disk cache. It is read at the start and written by save()."""
 
     def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)

@@ -109,8 +109,7 @@ def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None]
 def _worst_pair(
     evidence: Evidence, members: Mapping[str, Solution], observations: Sequence[Observation], change: Change
 ) -> tuple[float, tuple[str, ...]]:
-    """Returns the least nats by which frames with a change of settings separate two of the members, and the ids of
-    these two effects."""
+    """Returns (the least nats by which changed frames separate two of the members, the ids of these two effects)."""
     frames = [_changed(o.frame, **change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # Each view is recorded again, so that there are as many pixels as in the train frames.
@@ -125,8 +124,9 @@ def left_between(
     evidence: Evidence, changed: Sequence[Observation], truth: Solution, rival: Solution, copies: float
 ) -> float:
     """Returns the least expected nats between `truth` and `rival` under new settings: half the squared distance of
-    predictions in noise deviations. The rival is refitted by one Gauss-Newton step, and loses what it then fits the
-    recorded frames worse. changed: the observations under the new settings. copies: how often each of them counts."""
+    their predictions, in noise deviations. The rival first takes one Gauss-Newton step towards the truth's predictions,
+    penalised by a worse fit to recorded frames. changed: observations under new settings. copies: how often each
+    counts."""
     predicted = []
     for o in changed:
         image = signal(truth.model, o, truth.model.light(o.layers, o.view, supersampled=False), truth.phi)

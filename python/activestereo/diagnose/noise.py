@@ -34,9 +34,8 @@ _NO_REPEATS = "the capture has no repeated frames of a static view"
 
 @dataclass(frozen=True)
 class NoiseTerm:
-    """The fit of an effect of temporal noise. nats: gain of log-likelihood. variance: that the effect explains per
-    pixel, DN^2. values: {parameter: (value, low, high)}. share: of the noise floor, the part that the effect
-    explains."""
+    """A fitted effect of temporal noise. nats: gain of log-likelihood. variance: explained per pixel, DN^2. values:
+    {parameter: (value, low, high)}. share: part of the noise floor that the effect explains."""
 
     effect: Effect
     nats: float

@@ -20,8 +20,7 @@ Json = dict[str, object]
 
 
 def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
-    """Returns a fitted parameter as JSON. A choice of surfaces also gets its materials' names; an empty list means
-    all."""
+    """Returns a fitted parameter as JSON. A choice of surfaces also lists its materials; an empty list means all."""
     names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
     return found.as_json() | names
 
@@ -38,9 +37,8 @@ def parameters_of(outcome: Outcome, name: Name) -> Parameters:
 def ranking_of(
     outcome: Outcome, numbers: Numbers, verdict_is_effect: bool, name_of: Callable[[int], str]
 ) -> list[Json]:
-    """Returns the ranking: first the named effects in order, then effects that this recording cannot distinguish from
-    them, then other fitted effects by gain, then the rest by score. name_of: returns a material's name for its
-    index."""
+    """Returns the ranking: named effects in order, then effects that this recording cannot distinguish from them, then
+    other fitted effects by gain, then the rest by score. name_of: returns a material's name."""
     entries: dict[str, Json] = {}
     pixels, known = outcome.fitter.pixels_used(), _known(outcome, numbers)
 

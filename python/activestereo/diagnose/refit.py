@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits the few likely effects beside the model, from starts that their scores and points of the dictionary give.
+"""Fits the few likeliest effects beside the model, from starts that their scores and the dictionary's points give.
 
-Effects of surfaces, air and lamps are fitted to images that the engine renders of them: their image functions are
-formulas. Around a fit the engine renders the effect, then again with each parameter one step further. The random
-numbers are the same, so that differences show the effect and not the noise. These differences then replace the formula,
-linear in its parameters.
+Effects of surfaces, air and lamps have formulas as image functions, so they are fitted to rendered images of the effect
+instead. The engine renders the effect at a fit, then again with each parameter one step further. The random numbers are
+the same, so that differences show the effect and not the noise. These differences then replace the formula, as a
+function linear in the parameters.
 
-A formula of the response is one family of curves; sensors have others (Grossberg and Nayar 2003, What is the space of
-camera response functions?). A residual that depends on a pixel's value alone belongs to the response: a free curve is
-fitted beside the formula that found it.
+The formula of a response effect is one family of curves; sensors have others (Grossberg and Nayar 2003, What is the
+space of camera response functions?). A residual that depends on a pixel's value alone belongs to the response. A free
+curve is therefore fitted beside the response's formula.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -47,8 +47,8 @@ _UNMEASURED = 1.0 / 3.0
 
 
 class Rendering(Protocol):
-    """Renders a capture's train frames under a model, with the same random numbers in every call of as many samples:
-    light (direct, indirect, ambient), float32 [3][height][width]. samples: times the usual number."""
+    """Renders a capture's train frames under a model; returns {image key: direct, indirect and ambient light, float32
+    [3][height][width]}. Calls with equal `samples`, a factor on the usual number, use the same random numbers."""
 
     def __call__(self, model: Model, samples: int = 1, /) -> _Images: ...
 
@@ -56,7 +56,7 @@ class Rendering(Protocol):
 @dataclass(frozen=True)
 class _Rendered:
     """Replaces an effect's formula by rendered images: its change of the light [3][height][width] at parameters theta,
-    and the slopes of that change by each parameter ({} if it has none)."""
+    and the slopes of that change by each parameter ({} for parameters without a step)."""
 
     effect: Effect
     theta: np.ndarray
@@ -64,12 +64,12 @@ class _Rendered:
     slopes: tuple[_Images, ...]
 
     def emulated(self) -> Effect:
-        """Returns the effect with these images as its image function; neutral amplitudes change nothing."""
+        """Returns the effect with these images as its image function. Neutral amplitudes leave the light unchanged."""
         return replace(self.effect, apply=self._apply)
 
     @computed_once
     def content(self) -> str:
-        """Returns a hash of the images, for a FitCache."""
+        """Returns a hash of the images, for the key of a cached fit."""
         return content_key(self.theta, self.change, self.slopes)
 
     def _apply(self, light: Light, view: View, **values: float) -> Light:
@@ -87,8 +87,8 @@ class _Rendered:
 
 
 def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
-    """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the new
-    fit, or `start` if it is no better."""
+    """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the best
+    fit, which is `start` if no new fit is better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
     without = cache(lambda samples: rendering(Model(), samples))
 
@@ -124,7 +124,8 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
-    """Returns steps of differences inside the range; 0 for choices and for parameters that the engine lacks."""
+    """Returns the finite-difference step of each parameter, [n], which stays in range. It is 0 for choices and for
+    parameters that the engine lacks."""
     out = []
     for p, v in zip(effect.parameters, values, strict=True):
         step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)
@@ -134,20 +135,20 @@ def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A response effect followed by a curve that adds `added` DN at signals of `nodes` DN above black, linear
-    between."""
+    """A response effect with a correction curve after it. The curve adds `added` DN at signals of `nodes` DN above
+    black, and is linear between nodes."""
 
     effect: Effect
     nodes: NDArray[np.float64]
     added: NDArray[np.float64]
 
     def bent(self) -> Effect:
-        """Returns the effect with the curve added; neutral parameters change nothing."""
+        """Returns the effect with the curve added. Neutral parameters leave the signal unchanged."""
         return replace(self.effect, apply=self._apply)
 
     @computed_once
     def content(self) -> str:
-        """Returns a hash of the curve, for a FitCache."""
+        """Returns a hash of the curve, for the key of a cached fit."""
         return content_key(self.nodes, self.added)
 
     def _apply(self, signal: NDArray[np.float64], view: View, **values: float) -> NDArray[np.float64]:
@@ -163,8 +164,8 @@ def is_response(effect: Effect) -> bool:
 
 
 def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
-    """Adds a free correction curve to the last named effect if it is a response curve, and fits again; other fits are
-    returned unchanged."""
+    """Adds a free correction curve to the last effect of a fit if it is a response curve, and returns the new fit.
+    Other fits are returned unchanged."""
     if not solution.effects or not is_response(solution.effects[-1]):
         return solution
     effect = solution.effects[-1]
@@ -191,8 +192,7 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
 
 @dataclass(frozen=True)
 class Refit:
-    """A fit of an effect beside a model. rendered: whether images that the engine rendered replaced the effect's
-    formula."""
+    """A fit of one effect beside a model. rendered: whether rendered images replaced the effect's formula."""
 
     solution: Solution
     rendered: bool = False
@@ -212,9 +212,9 @@ def refits(
     rendering: Rendering | None,
     workers: int,
 ) -> dict[str, Refit]:
-    """Fits each chosen effect beside a model, one at a time; returns {effect: Refit}. scored: fits few images, for the
-    first steps. phi: nuisances to start from. base_chi2: chi2 of the model alone. rendering: renders what changes the
-    path of light in place of its formula; None keeps the formulas."""
+    """Fits each chosen effect alone beside a model; returns {effect: Refit}. scored: a fitter with few images, for
+    first steps. phi: nuisances to start from. base_chi2: chi2 of the model without them. rendering: renders effects of
+    air and surfaces, in place of their formulas; None keeps the formulas."""
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     base = ParameterSpace.of(model)
@@ -246,8 +246,8 @@ def refits(
 
 
 def formula_error(effect: Effect, otherwise: float) -> float:
-    """Returns the share of an effect's squared signature that its formula misses, as measured against the engines;
-    `otherwise` if it was never measured."""
+    """Returns the share of an effect's squared image change that its formula misses, as measured against the render
+    engines; `otherwise` if it was never measured."""
     measured = known_differences().get(effect.id)
     return otherwise if measured is None else min(measured**2, _UNMEASURED)
 
@@ -260,7 +260,7 @@ def _name(space: ParameterSpace) -> str:
 def _side_by_side(
     fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
 ) -> dict[str, Refit]:
-    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes."""
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep run in `workers` processes."""
     if fitter.memory is not None:
         fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
     return {_name(space): Refit(fit(space)) for space in spaces}
@@ -274,8 +274,8 @@ def _from_starts(
     base_chi2: float,
 ) -> Solution:
     """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
-    the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
-    Each fit begins at the nuisances of its start: far from them a step may fail. base_chi2: chi2 at neutral."""
+    promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks. Each
+    fit begins at nuisances fitted to its start, since far from them a step may fail. base_chi2: chi2 at neutral."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]

@@ -149,8 +149,7 @@ def _solve(A: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _forward(columns: Sequence[np.ndarray], target: np.ndarray, weight: np.ndarray) -> list[int]:
-    """Returns the indices of the selected terms. Terms are added as long as the weighted fit's information criterion
-    falls."""
+    """Returns the indices of the selected terms, added while the weighted fit's information criterion falls."""
     chosen: list[int] = []
     count = len(target)
     best = count * np.log(max((weight * target**2).sum(), 1e-300))

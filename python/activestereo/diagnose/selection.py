@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranks effects by how likely they are missing: Bayes factors of all atoms (an effect at one shape), summed over
-shapes. Allows for errors of formulas: the residual that a named effect's formula leaves is not another effect.
+"""Ranks effects by how likely they are missing. Bayes factors of all atoms (trial shapes of an effect) are averaged per
+effect. Errors of formulas are allowed for: what a named effect's formula misses is not another effect.
 
-A coefficient has a normal prior. The likelihood is tempered, because the residual that no effect explains counts as
+A coefficient has a normal prior. The likelihood is tempered, because a residual that no effect explains counts as
 noise. Sets that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82). The residual of a
-formula looks like the effect itself, weighed by place or by brightness, or like its smooth part (glare that fades with
-distance).
+formula looks like the effect itself, weighted by image position or by brightness, or like its smooth part (such as
+glare that fades with distance).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,10 +35,10 @@ _SHARPER = 5.0
 
 @dataclass(frozen=True)
 class Hit:
-    """Holds the linear fit of one atom (a trial shape of an effect) to the residual. surfaces: the surfaces it acts on,
-    None = all. coefficients: of the atom's columns, under their priors. log_factor: log Bayes factor against no effect,
-    nats. gain: fall of chi2 by the best coefficients without priors; at_point: the fall at the atom's own parameter
-    values."""
+    """The linear fit of one atom (a trial shape of an effect) to the residual. surfaces: indices of the surfaces that
+    it acts on, None = all. coefficients: of the atom's columns, under their priors. log_factor: log Bayes factor
+    against no effect, nats. gain: fall of chi2 by the best coefficients without priors. at_point: the fall at the
+    atom's own parameters."""
 
     atom: Atom
     surfaces: tuple[int, ...] | None
@@ -52,7 +52,7 @@ class Hit:
         return self._at(self.coefficients)
 
     def point(self) -> dict[str, float]:
-        """Returns {parameter: value} of the effect at this dictionary entry (atom), before any fit."""
+        """Returns {parameter: value} of the atom itself, before any fit."""
         return self._at(np.eye(1, len(self.coefficients))[0])
 
     def _at(self, coefficients: NDArray[np.float64]) -> dict[str, float]:
@@ -68,8 +68,8 @@ class Hit:
 
 @dataclass(frozen=True)
 class Candidate:
-    """Holds an effect's linear fits over all its trial shapes. best: the fit with the largest Bayes factor. evidence:
-    log of the mean Bayes factor, nats. starts: parameters from which a full fit may start, each with its atom."""
+    """An effect's linear fits over all its trial shapes. best: the fit with the largest Bayes factor. evidence: log of
+    the mean Bayes factor, nats. starts: (atom, parameters) pairs from which a full fit may start."""
 
     best: Hit
     evidence: float
@@ -82,7 +82,7 @@ class Candidate:
 
 def candidates(atoms: Sequence[Atom], scores: Scores, pixels: int) -> dict[str, Candidate]:
     """Ranks effects by the scores of their atoms; returns {effect: Candidate}, likeliest first. Effects without gain
-    are left out. pixels: the number that gains are told for."""
+    are left out. pixels: gains are scaled to this number of pixels."""
     hits: dict[str, list[Hit]] = {}
     temper, times = max(scores.total / scores.pixels, 1e-3), pixels / scores.pixels
     for atom in atoms:
@@ -129,7 +129,8 @@ def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | 
 
 
 def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequence[bool]) -> tuple[list[int], float]:
-    """Returns (indices of the coefficients that are not 0, fall of chi2) of the best fit with the signs allowed."""
+    """Returns (indices of the nonzero coefficients, fall of chi2) of the best fit with allowed signs. S, u: information
+    and score. signed: whether a coefficient may be negative."""
     free = [j for j in range(len(u)) if S[j, j] > _LEAST]
     while free:
         ridge = 1e-6 * np.diag(np.diag(S)[free])
@@ -142,8 +143,8 @@ def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequen
 
 
 def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
-    """Returns {name: probability}, likeliest first, of the smallest set whose probabilities reach `mass`. nats: {name:
-    log evidence}."""
+    """Returns the smallest set {name: probability}, likeliest first, whose probabilities reach `mass`. nats: {name: log
+    evidence}."""
     names = sorted(nats, key=lambda name: -nats[name])
     p = np.exp([nats[name] - nats[names[0]] for name in names])
     p /= p.sum()
@@ -152,8 +153,8 @@ def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
 
 
 def calibrated(members: Mapping[str, float]) -> dict[str, float]:
-    """Returns a set's probabilities so that they match how often its members are right: raised to a power, scaled to
-    the same sum (temperature scaling; Guo et al. 2017, ICML)."""
+    """Returns a set's probabilities, adjusted to how often its members prove right. They are raised to a power and
+    scaled to the same sum (temperature scaling; Guo et al. 2017, ICML)."""
     powers = {name: p**_SHARPER for name, p in members.items()}
     scale = sum(members.values()) / sum(powers.values())
     return {name: scale * p for name, p in powers.items()}
@@ -161,8 +162,8 @@ def calibrated(members: Mapping[str, float]) -> dict[str, float]:
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
     """Returns the linear model with extra nuisances that absorb the error of each named effect's formula. They are the
-    effect's image change times place, times squared distance from the image centre, times brightness, and averaged
-    over tiles. share: prior variance of each coefficient."""
+    effect's image change times image position, squared distance from the centre, or brightness, and its mean over
+    tiles. share: prior variance of each coefficient."""
     model = linear.solution.model
     here = linear.images(model)
     fields = [(p, *p.observation.view.field()) for p in linear.fitter.pixels()]
@@ -182,8 +183,7 @@ def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
 
 
 def gain_beyond(linear: Linear, fit: Solution) -> float:
-    """Returns the fall of chi2 by a fit's image change, counting only the part that no nuisance of the linear model can
-    imitate."""
+    """Returns the fall of chi2 by the part of a fit's image change that no nuisance of the linear model can imitate."""
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
     change = linear.residual - np.concatenate([p.gather(row.residual) * p.root_weight for p, row in pairs])
@@ -194,10 +194,10 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
 def stand_ins(
     linear: Linear, effect: Effect, atoms: Sequence[Atom], columns: Columns, floor: float, numbers: Numbers
 ) -> list[str]:
-    """Returns the ids of other effects that can imitate one parameter's part of a named effect: what an amplitude adds,
-    or a change of a shape by its typical value. A black level that moves with temperature can imitate a dark signal's
-    doubling temperature. atoms, columns: the others' trial shapes and image changes. floor: changes with a smaller chi2
-    per pixel are ignored."""
+    """Returns the ids of other effects that can imitate one parameter of a named effect: the change by an amplitude, or
+    by a step of one typical value in a shape. For example, a black level that moves with temperature can imitate the
+    doubling temperature of a dark signal. atoms, columns: the other effects' trial shapes and image changes. floor:
+    image changes with a smaller chi2 per pixel are ignored."""
     space, model = linear.solution.space, linear.solution.model
     own, values = next((e, values) for e, values in model.effects if e.id == effect.id)
     here, out = linear.images(model), dict[str, None]()
@@ -215,7 +215,7 @@ def stand_ins(
 
 
 def _smooth(linear: Linear, row: Columns) -> Columns:
-    """Returns a change's means over tiles, scaled to be as large as the change itself."""
+    """Returns the means over tiles of an image change `row`, scaled to the same norm."""
     pixels = linear.fitter.pixels()
     tile, root = (np.concatenate(x) for x in ([p.tile for p in pixels], [p.root_weight for p in pixels]))
     mean = np.bincount(tile, row / np.maximum(root, 1e-12)) / np.maximum(np.bincount(tile), 1)
@@ -224,7 +224,8 @@ def _smooth(linear: Linear, row: Columns) -> Columns:
 
 
 def _standard(weight: NDArray[np.float64], change: Columns) -> NDArray[np.float64] | None:
-    """Returns a weight scaled to mean 0 and deviation 1 over the squared change; None if it is constant."""
+    """Returns a weight [n] scaled to mean 0 and deviation 1, averaged with the squared change; None if it is
+    constant."""
     square = change.astype(np.float64) ** 2
     total = max(float(square.sum()), 1e-12)
     away = weight - float(weight @ square) / total

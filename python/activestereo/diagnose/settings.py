@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The settings of a diagnosis, and the phases that its progress reports."""
+"""The settings of a diagnosis, and the phases of its progress."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ PHASES = {RENDERING: 34.0, FITTING: 70.0, DEPTH: 8.0, BOTH: 63.0}
 class Settings:
     """Settings of examine().
 
-    phases: is told when each of PHASES but the first begins. rendering: the render engine of the evidence, or None.
-    memory: the cache that keeps fits, or None. errors: gives the errors of held-out test frames; None leaves them out.
-    located(model, evidence): returns the evidence, and its render engine, with the poses that fit under a model; None
-    keeps the poses. with_test(evidence, fitter, solution, model): returns the evidence with its test frames added; None
-    leaves them out. says: is called with the ranks of a user's own effects, and with the verdict before test frames
-    confirm it.
+    phases: is told when each of PHASES but the first begins. rendering: the render engine for the evidence, or None.
+    memory: the cache of fits, or None. errors: computes the errors of held-out test frames; None leaves them out.
+    located(model, evidence): returns (evidence at poses estimated under a model, its render engine); None keeps the
+    poses. with_test(evidence, fitter, solution, model): returns the evidence with test frames added; None leaves them
+    out. says: called with the ranks of a user's own effects, and with the verdict before test frames confirm it.
     """
 
     workers: int = 2

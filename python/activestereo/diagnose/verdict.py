@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gives the verdict and its probability from the error that is explained, the error that is left and its structure."""
+"""Decides the verdict and its probability from three numbers: explained error, remaining error and its structure."""
 
 from dataclasses import dataclass
 
@@ -21,16 +21,16 @@ _NONE_COUNTED = ((1.0, 239, 245), (float("inf"), 0, 7))
 
 @dataclass(frozen=True)
 class Remainder:
-    """The numbers of a verdict, in noise variances unless stated otherwise.
+    """The numbers behind a verdict, in noise variances unless stated otherwise.
 
-    explained: the fall of the mean square by all named effects; drawn: its part by random draws. left: the mean square
-    above the noise. structure, structure_before: of the residual with and without named effects (goodness.py).
-    strain: how far a named effect moves the rig or an albedo from its stated value, in stated deviations; if none is
-    named, the second farthest albedo. test_explained, test_left: explained and left on test frames, None if they tell
-    nothing. test_unlike: left in one test frame over what is explained there, at least an error of the scene
-    measurement; the largest of all frames. names: how many effects of expected images are named, at least 1. is_full:
-    whether the search reached its largest number of names, or names that take any error of the projector's light
-    (takes_any_light() of outcome.py).
+    explained: fall of the mean square by all named effects. drawn: its part due to random fields. left: mean square
+    beyond the noise. structure, structure_before: of the residual with and without the named effects (goodness.py).
+    strain: the farthest that named effects move the rig or an albedo from its stated value, in stated deviations. If no
+    effect is named, it is the second farthest albedo. test_explained, test_left: explained and left on test frames;
+    None if these show nothing. test_unlike: the largest ratio, over test frames, of left to explained (at least
+    scene_error). names: the number of named effects of expected images, at least 1. is_full: whether the search reached
+    its largest number of names, or names together absorb any error of the projector's light (takes_any_light() of
+    outcome.py).
     """
 
     explained: float
@@ -47,15 +47,16 @@ class Remainder:
 
 
 def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
-    """Returns the remaining error in units of the error that may remain. Beyond 1 an effect is still missing.
+    """Returns the remaining error relative to the error that may remain. Beyond 1 an effect is still missing.
 
-    Each number of `rest` is divided by its limit, and the largest ratio counts. `strain` has one limit in all cases. If
-    no effect is named, `left` may reach the error of the scene measurement, and `structure` must be near 0. The same
-    holds if the named effects explain little of expected images, as random draws and temporal noise do. Beside other
-    effects, `left` may reach what these explain in expected images. `structure` may be larger, as formulas are not
-    exact; it counts less, the smaller it is against structure_before / names. Names that share out an effect outside
-    the library leave more structure. In each case test frames must confirm: test_left may reach test_explained. Beside
-    other effects no single test frame may exceed its own limit, and a weighted sum of the train and test ratios counts.
+    Each number of `rest` is divided by its limit, and the largest ratio is returned. The limit of `strain` is always
+    the same. Without a named effect, `left` may reach the error of the scene measurement, and `structure` must be near
+    0. The same holds if named effects explain little of expected images, as random fields and temporal noise do.
+    Otherwise, `left` may reach what the named effects explain in expected images. `structure` may then be larger, as
+    formulas are not exact. It counts less, the smaller it is relative to structure_before / names. Names that share out
+    an effect outside the library leave more structure. Test frames must always confirm: test_left may reach
+    test_explained. With effects of expected images named, no test frame may exceed its own limit, and a weighted sum of
+    train and test ratios counts.
     """
     if rest.is_full:
         return float("inf")
@@ -84,8 +85,8 @@ def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Number
 
 
 def probability_right(beyond: float, is_named: bool) -> float:
-    """Returns the probability that the effect named first (or that none is missing) is right, by Laplace's rule of
-    succession. beyond: the result of missing()."""
+    """Returns the probability that the first named effect is right (or, without a name, that none is missing), by
+    Laplace's rule of succession. beyond: the result of missing(). is_named: whether an effect was named."""
     counted = _COUNTED if is_named else _NONE_COUNTED
     right, all_of_them = next((right, n) for limit, right, n in counted if beyond <= limit)
     return (right + 1) / (all_of_them + 2)

@@ -28,17 +28,19 @@ _BARS, _ROWS = 10, 5
 
 
 def beyond_stated(sigmas: float) -> str:
-    """Returns a clause on a correction that its stated uncertainty makes impossible; empty if it is possible."""
+    """Returns a clause for a correction far beyond its stated uncertainty, else "". sigmas: the correction in stated
+    deviations."""
     return f", {sigmas:.0f} times its stated uncertainty" if sigmas > IMPOSSIBLE_SIGMAS else ""
 
 
 def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
-    """Returns an error as text. Only chance goes below the noise floor, so no digit of a smaller error is shown."""
+    """Returns an error in DN as text. An error below the noise floor gets no digits, because only chance makes it so
+    small."""
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
 
 
 def errors_of(result: Mapping[str, Any]) -> str:
-    """Returns a clause on the images that the held-out errors are of, and on the effects that these cannot have."""
+    """Returns a clause that says which images the held-out errors are for, and which effects these errors leave out."""
     views = "Errors of each view, predicted by the others"
     said = views if result.get("predicted_by_views") else "Errors on frames that no fit has seen"
     apart = result.get("not_predicted", [])
@@ -46,8 +48,8 @@ def errors_of(result: Mapping[str, Any]) -> str:
 
 
 def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
-    """Returns [(name, held-out root mean square error in DN)]; empty without held-out errors. Named are the given
-    model, the same at the corrected geometry if that differs, and the model found."""
+    """Returns [(label, held-out root mean square error in DN)]; empty without held-out errors. The rows are the given
+    model, the same model at the estimated geometry if that differs, and the found model."""
     before, after = result["heldout_ir_rmse_before"], result["heldout_ir_rmse_after"]
     if before is None or after is None:
         return []
@@ -58,15 +60,16 @@ def errors_told(result: Mapping[str, Any]) -> list[tuple[str, float]]:
 
 
 def _named(result: Mapping[str, Any], effect_id: str) -> str:
-    """Returns an effect's id with its finding in words, if it has one."""
+    """Returns an effect's id, followed by its finding in parentheses if it has one."""
     entries = [*result["ranking"], *(result.get("depth") or {}).get("ranking", [])]
     meaning = next((entry.get("finding") for entry in entries if entry["effect"] == effect_id), None)
     return effect_id + (f" ({_lowered(meaning)})" if meaning else "")
 
 
 def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
-    """Returns the ids that a row of the ranking cannot be told from. An effect that explains far more than a row fits
-    as well, but not the other way round. Beyond the first row, both must therefore list each other."""
+    """Returns the ids of effects that cannot be distinguished from a row of the ranking. An effect that explains far
+    more than a row may fit as well as it, but not the reverse. So, except for the first row, both must list each
+    other."""
     own = entry["effect"]
     says = {other["effect"]: other["equivalent"] for other in result["ranking"]}
     is_first = result["ranking"][0]["effect"] == own
@@ -74,8 +77,9 @@ def alike(result: Mapping[str, Any], entry: Mapping[str, Any]) -> list[str]:
 
 
 def rival_words(result: Mapping[str, Any]) -> list[str]:
-    """Returns a sentence on the share of the error that the named effects explain, and one for each name that the data
-    cannot tell from others; beside a single name, the shares of its best rivals. All shares are the ranking's."""
+    """Returns sentences on shares of the error, as in the ranking. One states what named effects explain; for a single
+    name it may add its best rivals. One more sentence follows for each name that the data cannot distinguish from
+    others."""
     entries = {entry["effect"]: entry for entry in result["ranking"]}
     names = [entries[own["effects"][0]] for own in result.get("sets", []) if own["effects"][0] in entries]
     named = [e for e in names if e.get("explained_share") is not None and e.get("channel") != "noise"]
@@ -110,7 +114,7 @@ def headline(result: Mapping[str, Any]) -> str:
 
 
 def geometry_words(result: Mapping[str, Any]) -> list[str]:
-    """Returns sentences on geometry and albedos that differ from the capture's; several views share one sentence."""
+    """Returns sentences on geometry and albedos that differ from the stated ones. Several views share one sentence."""
     entries = result.get("geometry", [])
     views = [entry for entry in entries if entry["what"] == "view"]
     said = [entry["text"] for entry in entries if entry["what"] != "view" or len(views) == 1]
@@ -138,8 +142,8 @@ def _left(result: Mapping[str, Any]) -> str:
 
 
 def _left_open(result: Mapping[str, Any], advice: Mapping[str, Any], whole: bool) -> str:
-    """Returns a sentence on the effects that an advised measurement tells beside those of the named sets, all if
-    `whole`."""
+    """Returns a sentence on effects that an advised measurement would reveal, except those in the named sets; "" if
+    there are none. whole: whether to list all of them."""
     told = {name for own in result.get("sets", []) for name in own["effects"]}
     left = [name for name in advice.get("separates", []) if name not in told]
     shown = left if whole or len(left) < 3 else [left[0], f"{len(left) - 1} more"]
@@ -147,8 +151,8 @@ def _left_open(result: Mapping[str, Any], advice: Mapping[str, Any], whole: bool
 
 
 def next_steps(result: Mapping[str, Any], all_open: bool = False) -> list[str]:
-    """Returns sentences on what to do with the answer, most useful first. all_open: names all effects that a
-    measurement would tell, not just one and the number of the others."""
+    """Returns sentences on what to do next, most useful first. all_open: lists all effects that a measurement would
+    reveal, not just one and the number of the others."""
     steps = [
         f"{_left_open(result, advice, all_open)}Measure: {advice['text']}." for advice in result["next_measurement"][:1]
     ]
@@ -190,7 +194,8 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
 
 
 def ranking_figure(result: Mapping[str, Any]) -> Figure:
-    """Returns a bar chart of each ranked effect's gain in noise variances; bars of named effects are filled."""
+    """Returns a bar chart of the gain of the first effects in the ranking, in noise variances. Named effects have
+    coloured bars."""
     from matplotlib.figure import Figure
 
     entries = result["ranking"][:_BARS][::-1]
@@ -203,8 +208,8 @@ def ranking_figure(result: Mapping[str, Any]) -> Figure:
 
 
 def html_of(result: Mapping[str, Any]) -> str:
-    """Returns HTML with the verdict, the first rows of the ranking and the next steps. result: diagnose.json's
-    contents."""
+    """Returns HTML with the verdict, the first rows of the ranking and the next steps. result: contents of
+    diagnose.json."""
     rows = [
         [
             text(entry["effect"]),
