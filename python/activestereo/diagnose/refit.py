@@ -124,8 +124,7 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:
-    """Returns the finite-difference step of each parameter, [n], which stays in range. It is 0 for choices and for
-    parameters that the engine lacks."""
+    """Returns finite-difference steps [n] within the range; 0 for choices and for parameters that the engine lacks."""
     out = []
     for p, v in zip(effect.parameters, values, strict=True):
         step = min(max(_STEP_TYPICAL * p.typical, _STEP_DISTANCE * abs(v - p.neutral)), p.slope_step)

@@ -129,8 +129,7 @@ def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | 
 
 
 def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequence[bool]) -> tuple[list[int], float]:
-    """Returns (indices of the nonzero coefficients, fall of chi2) of the best fit with allowed signs. S, u: information
-    and score. signed: whether a coefficient may be negative."""
+    """Returns (indices of the nonzero coefficients, fall of chi2) of the best fit with the signs allowed."""
     free = [j for j in range(len(u)) if S[j, j] > _LEAST]
     while free:
         ridge = 1e-6 * np.diag(np.diag(S)[free])
@@ -224,8 +223,7 @@ def _smooth(linear: Linear, row: Columns) -> Columns:
 
 
 def _standard(weight: NDArray[np.float64], change: Columns) -> NDArray[np.float64] | None:
-    """Returns a weight [n] scaled to mean 0 and deviation 1, averaged with the squared change; None if it is
-    constant."""
+    """Returns a weight [n] scaled to mean 0 and deviation 1 under the squared change; None if it is constant."""
     square = change.astype(np.float64) ** 2
     total = max(float(square.sum()), 1e-12)
     away = weight - float(weight @ square) / total

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides the verdict and its probability from three numbers: explained error, remaining error and its structure."""
+"""Decides the verdict and its probability from the explained error, the remaining error and its structure."""
 
 from dataclasses import dataclass
 

@@ -28,14 +28,13 @@ _BARS, _ROWS = 10, 5
 
 
 def beyond_stated(sigmas: float) -> str:
-    """Returns a clause for a correction far beyond its stated uncertainty, else "". sigmas: the correction in stated
-    deviations."""
+    """Returns a clause on a correction far beyond its stated uncertainty, of which `sigmas` is the multiple; else
+    ""."""
     return f", {sigmas:.0f} times its stated uncertainty" if sigmas > IMPOSSIBLE_SIGMAS else ""
 
 
 def error_text(rmse_dn: float, floor_dn: float | None, decimals: int) -> str:
-    """Returns an error in DN as text. An error below the noise floor gets no digits, because only chance makes it so
-    small."""
+    """Returns an error as text. Below the noise floor no digit is shown, as only chance makes an error so small."""
     return f"{rmse_dn:.{decimals}f} DN" if floor_dn is None or rmse_dn > floor_dn else "at the noise floor"
 
 
@@ -194,8 +193,7 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
 
 
 def ranking_figure(result: Mapping[str, Any]) -> Figure:
-    """Returns a bar chart of the gain of the first effects in the ranking, in noise variances. Named effects have
-    coloured bars."""
+    """Returns a bar chart of the first effects' gains in noise variances; bars of named effects are coloured."""
     from matplotlib.figure import Figure
 
     entries = result["ranking"][:_BARS][::-1]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds effects that no column shows: noise of rows, drops on a window, an offset of rows that good sessions lack, the
-response by two exposures, and the lens's falloff."""
+"""Finds effects that no column shows: row noise, drops on a window, a row offset between cameras that good sessions
+lack, a bent response by two exposures, and lens falloff."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ LEAST_DROPS = {
 def beside_columns(
     room: Room, exponent: float, asked: Mapping[str, Effect], reference: Sequence[Room] = ()
 ) -> list[Found]:
-    """Returns the evidence for those of the effects asked for that a room shows beside its columns. exponent: n of the
-    lens falloff cos^n. reference: good sessions of other views or the same ones."""
+    """Returns the evidence for those effects in `asked` that a room shows in other ways than by columns. exponent: n of
+    the lens falloff cos^n. reference: sessions from when the camera was good, of the same or other views."""
     found = {
         "row_noise": lambda effect: _row_noise(effect, room),
         "focus_mismatch": lambda effect: _drops(effect, room, exponent),
@@ -57,8 +57,8 @@ def beside_columns(
 
 
 def falloff(room: Room, asked: Mapping[str, Effect]) -> Found | None:
-    """Returns the evidence for the lens's falloff as `calibrate world` measured it; None if it did not, or the effect
-    is not asked for."""
+    """Returns the evidence for the lens falloff that `calibrate world` measured. Returns None if it measured none, or
+    if the effect is not in `asked`."""
     told = room.capture.measured.get("exposure", {}).get("vignetting_exponent")
     if told is None or "vignetting" not in asked:
         return None
@@ -66,7 +66,7 @@ def falloff(room: Room, asked: Mapping[str, Effect]) -> Found | None:
 
 
 def falloff_of(effect: Effect, exponent: float, deviation: float) -> Found:
-    """Returns the evidence for a lens's falloff of this exponent."""
+    """Returns the evidence for a lens falloff cos^exponent. deviation: the standard error of the exponent."""
     nats = 0.5 * max(exponent / deviation, 0.0) ** 2
     return Found(effect, nats, {"exponent": (exponent, deviation)}, {"exponent": _NEEDED_SD * deviation})
 
@@ -81,8 +81,8 @@ def _row_noise(effect: Effect, room: Room) -> Found:
 
 
 def row_variance(room: Room) -> tuple[float, float]:
-    """Returns (variance of the rows' own offsets in DN^2, its standard error). It is the covariance of strips of one
-    image's rows, less the covariance of the two images of a view, which the scene makes."""
+    """Returns (variance of random row offsets in DN^2, its standard error). It is the covariance between vertical
+    strips of one image, minus the covariance between the two images of a view, which the scene causes."""
     found = []
     for left, right in zip(room.images[::2], room.images[1::2], strict=True):
         rows = []  # each image's rows less their neighbours' mean, averaged over strips, [strip][row]
@@ -98,8 +98,9 @@ def row_variance(room: Room) -> tuple[float, float]:
 
 
 def _drops(effect: Effect, room: Room, exponent: float) -> Found | None:
-    """Returns evidence of drops or dirt on a camera's window, None if it is too small. They stay while the rig turns,
-    and the view's other camera sees the same dots sharp. The parameter is the blur averaged over the image, px."""
+    """Returns evidence of drops or dirt on a camera's window, None if it is too weak. They stay in place while the rig
+    turns, and the view's other camera sees the same dots sharp. The parameter is the blur averaged over the image,
+    px."""
     maps = zip(*(_sharpness(room, view, exponent) for view in range(room.views)), strict=True)
     blurred = []  # (share of the image, how far its worst place lies below the median sharpness, camera)
     for side, each in zip(SIDES, map(np.stack, maps), strict=True):
@@ -120,9 +121,9 @@ def _drops(effect: Effect, room: Room, exponent: float) -> Found | None:
 
 
 def _sharpness(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
-    """Returns one sharpness map [height][width] for each camera (left, right): the log ratio of high-frequency energy
-    to the other camera's at the same place. NaN = unknown. The falloff is corrected, because the cameras see a place at
-    different angles."""
+    """Returns a sharpness map [height][width] for each camera (left, right): the log ratio of its high-frequency energy
+    to the other camera's at the same surface point. NaN = unknown. Lens falloff is corrected, because the cameras see a
+    point at different angles."""
     images, places = room.images[2 * view : 2 * view + 2], room.places(2 * view, 2 * view + 1)
     energy = [blur((blur(i.dn, _FINE_PX) - blur(i.dn, _COARSE_PX)) ** 2, _AROUND_PX) for i in images]
     other = places.read(energy[1])
@@ -136,7 +137,8 @@ def _sharpness(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
 
 
 def _spread(room: Room, at: tuple[NDArray[np.int64], ...], value: Image) -> Image:
-    """Returns the local mean [height][width] of values at places (row, column), NaN far from all of them."""
+    """Returns an image [height][width] of the local mean of values at pixels `at` (row, column), NaN far from all of
+    them."""
     total, count = np.zeros(room.shape, np.float32), np.zeros(room.shape, np.float32)
     np.add.at(total, at, value)
     np.add.at(count, at, 1.0)
@@ -145,15 +147,15 @@ def _spread(room: Room, at: tuple[NDArray[np.int64], ...], value: Image) -> Imag
 
 
 def _response(effect: Effect, room: Room) -> Found | None:
-    """Returns the evidence for a response that two exposures of one place tell, None without them."""
+    """Returns the evidence for a bent response from two exposures of one view; None without them."""
     value = room.capture.measured.get("exposure", {}).get("response_log_exponent")
     said = "Two exposures of one place differ by another factor than their times: the response is no line"
     return None if value is None else _measured(effect, value, LINEAR, LEAST_RESPONSE, said)
 
 
 def _pitch(effect: Effect, room: Room, reference: Sequence[Room]) -> Found | None:
-    """Compares the row offset between the two cameras with that of the good sessions, in the rigs that `calibrate
-    world` measured. Returns its evidence, None without such sessions."""
+    """Returns the evidence for a row offset between the cameras that good sessions lack; None without such sessions.
+    The offsets come from the rigs that `calibrate world` measured."""
     if not reference:
         return None
     own, *good = (float(r.capture.rig.right.K[1, 2] - r.capture.rig.left.K[1, 2]) for r in (room, *reference))
@@ -164,8 +166,8 @@ def _pitch(effect: Effect, room: Room, reference: Sequence[Room]) -> Found | Non
 def _measured(
     effect: Effect, value: float, deviation: float, least: Mapping[str, float] | None = None, said: str = ""
 ) -> Found:
-    """Returns the evidence that the first parameter of an effect is not 0. value: measured by `calibrate world`.
-    deviation: of good units. said: the finding."""
+    """Returns the evidence that the first parameter of an effect is not 0. value: as `calibrate world` measured it.
+    deviation: standard deviation among good units. least: as in Found. said: the finding."""
     p = effect.parameters[0]
     whole = deviation**2 + (2.0 * p.typical) ** 2
     nats = 0.5 * value**2 * (deviation**-2 - 1.0 / whole) - 0.5 * np.log(whole / deviation**2)

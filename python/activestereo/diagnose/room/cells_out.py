@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Projects the radiance of every surface cell of a room out of residuals and columns: no texture needs to be measured.
+"""Projects the radiance of every surface cell of a room out of residuals and columns, so that no texture must be known.
 
-A cell is a pixel of one view with a surface behind it; a column is the change of all images by one effect. In a band,
-image k sees z_k = g_k t + sum of columns c, with the cell's unknown radiance t and the image's gain g. Weighted least
-squares of t take the cells' means out (Schur's complement, block by block); the rest is linear in the columns.
+A cell is a pixel of one view with a surface behind it. A column is the change of all images by one effect. In a band
+(bands.py), image k shows z_k = g_k t + sum of columns c, with the cell's unknown radiance t and the image's gain g.
+Weighted least squares for t removes the radiances (Schur's complement, block by block). The rest is linear in the
+columns.
 """
 
 from __future__ import annotations
@@ -34,11 +35,10 @@ _STUDENT, _ROUNDS, _RIDGE = 3.0, 3, 1e-9
 
 @dataclass
 class Block:
-    """Holds one view's surface cells (pixels with a surface behind them) in one band. at: {image number: (column, row)
-    of each cell in it, px} of the images that count. residual [image][cell]: recorded values, from which the cells'
-    radiances are not yet removed. columns [column][image][cell]: image changes by each effect or calibration error.
-    gain and error variance [image][cell]; the variance is infinite if an image does not see a cell. tile [cell]: each
-    cell's image tile."""
+    """One view's surface cells (pixels with a surface behind them) in one band. at: {image index: (column, row) of each
+    cell in that image, px}. residual [image][cell]: recorded values, with the cells' radiances not yet removed. columns
+    [column][image][cell]: image changes by each effect or calibration error. gain and error variance [image][cell]; the
+    variance is infinite if an image does not see a cell. tile [cell]: index of each cell's image tile."""
 
     band: str
     at: dict[int, tuple[Image, Image]]
@@ -49,7 +49,7 @@ class Block:
     tile: NDArray[np.int64]
 
     def read(self, k: int, image: Image, order: int = cv2.INTER_CUBIC) -> NDArray[np.float32]:
-        """Samples image number k at the cells."""
+        """Returns image k sampled at the cells, [cell]. order: OpenCV's interpolation."""
         column, row = self.at[k]
         out = np.empty(column.shape[1], np.float32)
         for first in range(0, len(out), 30000):  # OpenCV's remap takes at most 32767 columns
@@ -62,9 +62,9 @@ class Block:
 
 @dataclass(frozen=True)
 class Normal:
-    """Holds the normal equations for the columns' coefficients, after the cells' radiances are projected out.
-    information [tile][column][column], score [tile][column]; tiles of all bands. trust: {band: mean of the cells' final
-    weights over 1 / variance}. prior: the columns' prior precision [column][column]."""
+    """The normal equations for the columns' coefficients, after the cells' radiances are projected out. information
+    [tile][column][column], score [tile][column], for the tiles of all bands. trust: {band: mean of the cells' final
+    weights, relative to 1 / variance}. prior: the columns' prior precision [column][column]."""
 
     information: NDArray[np.float64]
     score: NDArray[np.float64]
@@ -73,8 +73,8 @@ class Normal:
 
 
 def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Sequence[str] = BANDS) -> list[Block]:
-    """Returns a Block for each view and band that has cells. It holds the recorded values, and each column's change of
-    each image: 0 for images that the column does not change."""
+    """Returns a Block for each view and band that has cells, with recorded values and each column's change of each
+    image. The change is 0 in images that the column does not affect."""
     blocks = [_block(room, light, band, view, len(columns)) for view in range(room.views) for band in bands]
     blocks = [block for block in blocks if len(block.tile)]
     for number, column in enumerate(columns):
@@ -87,9 +87,9 @@ def blocks_of(room: Room, light: RoomLight, columns: Sequence[Column], bands: Se
 
 
 def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequence[str]) -> dict[str, Image]:
-    """Returns {band: change of image number k by a column at coefficient 1}, for the bands in which the column counts.
-    In the band "pair", a displacement is computed on the left camera's pixels for both images. Gradients of two images
-    would differ more by their errors than the two cameras' displacements do."""
+    """Returns {band: change of image k by a column at coefficient 1}, for the bands in which the column counts. In the
+    band "pair", a displacement is computed on the left camera's pixels for both images. Errors of two images' gradients
+    would differ by more than the two cameras' displacements do."""
     looks, asked = light.looks[k], [band for band in bands if band in column.bands]
     unlit = column.change(k, light.room[k])
     out = {band: image for band, image in looks.of_room(unlit).items() if band in asked}
@@ -108,8 +108,8 @@ def _changed(room: Room, light: RoomLight, column: Column, k: int, bands: Sequen
 
 
 def _block(room: Room, light: RoomLight, band: str, view: int, columns: int) -> Block:
-    """Returns the Block of a view's cells with residual, gain and variance read from `light`. `columns` is the number
-    of columns; they stay 0 until blocks_of() fills them."""
+    """Returns the Block of a view's cells in one band, with residual, gain and variance from `light`. columns: the
+    number of columns; they stay 0 until blocks_of() fills them."""
     step, own = np.s_[1 :: _STEP[band], 1 :: _STEP[band]], 2 * view
     asked = {"dots": range(0, 2 * room.judged, 2),  # sessions differ in the pattern's scale
              "pair": of_view(view)}.get(band, range(len(room.images)))  # fmt: skip
@@ -150,11 +150,11 @@ def normal(
     room: Room, columns: Sequence[Column], blocks: Sequence[Block], beside: int,
     planned: Mapping[str, float] | None = None,
 ) -> Normal:  # fmt: skip
-    """Sums the blocks' cells into the normal equations of the columns' coefficients. beside: so many first columns are
-    fitted before cells get robust weights; the other columns' effects then count as outliers. planned: the trust of a
-    real recording, for blocks of a planned one: nothing is measured yet, so that all scores are 0.
+    """Sums the blocks' cells into the normal equations of the columns' coefficients. beside: the first `beside` columns
+    are fitted before cells get robust weights; changes by other columns then count as outliers. planned: Normal.trust
+    of a real recording, for blocks of a planned one. Nothing is measured there yet, so all scores are 0.
 
-    A cell's weight falls with its own residual (Student's distribution); a band is scaled by its cells' spread.
+    A cell's weight falls with its own residual (Student's distribution). A band is scaled by its cells' spread.
     Information and scores are divided by the overdispersion of the tiles' scores, at least 1 (a tempered likelihood).
     """
     prior, tiles, count = prior_precision(room, columns), _tiles(room), len(columns)
@@ -176,7 +176,7 @@ def normal(
 
 
 def _tiles(room: Room) -> int:
-    """Returns the number of tiles (rectangles of an image) in one band (filtered copy) of all views together."""
+    """Returns the number of tiles (rectangles of an image) in one band, summed over all views."""
     return room.views * _TILES[0] * _TILES[1]
 
 
@@ -184,8 +184,8 @@ def _sum_tiles(
     blocks: Sequence[Block], weights: Sequence[NDArray[np.float32]], information: NDArray[np.float64],
     score: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Writes each tile's information [tile][c][c] and score [tile][c], summed over its cells, into the arrays given.
-    weights: [image][cell] of each block."""
+    """Writes each tile's information [tile][c][c] and score [tile][c], summed over its cells, into the arrays. weights:
+    [image][cell] of each block."""
     for b, w in zip(blocks, weights, strict=True):
         z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
         order = np.argsort(b.tile, kind="stable")
@@ -206,9 +206,9 @@ def _projected(z: NDArray[np.float32], weight: NDArray[np.float32], gain: NDArra
 def _robust(
     blocks: Sequence[Block], first: list[NDArray[np.float32]], beside: int, prior: NDArray[np.float64]
 ) -> list[NDArray[np.float32]]:
-    """Returns robust weights [image][cell] of each block. A weight falls with the cell's residual after a fit of the
-    first columns, `beside`, in units of the residuals' spread. first: 1 / variance; prior: the columns' prior
-    precisions."""
+    """Returns robust weights [image][cell] of each block. A weight falls with the cell's residual, relative to the
+    spread of all residuals, after a fit of the first `beside` columns. first: 1 / variance of each block. prior: the
+    columns' prior precision."""
     weights = first
     for _ in range(_ROUNDS):
         z = [_projected(np.concatenate([b.residual[None], b.columns[:beside]]), w, b.gain)
@@ -229,7 +229,7 @@ def _robust(
 def _temper(
     information: NDArray[np.float64], score: NDArray[np.float64], beside: int, prior: NDArray[np.float64]
 ) -> float:
-    """Returns the overdispersion of the tiles' scores after a fit of the first columns."""
+    """Returns the overdispersion of the tiles' scores after a fit of the first `beside` columns, at least 1."""
     H, s = information.sum(axis=0), score.sum(axis=0)
     eta = _fitted(H[:beside, :beside], prior[:beside, :beside], s[:beside])
     told = np.diag(H) > 1e-9

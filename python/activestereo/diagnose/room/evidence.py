@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes how much likelier each effect makes a room's images than none, with textures and calibration left free.
+"""Computes how much likelier a room's images are with each effect than with none; textures and calibration stay free.
 
-The scores s of all columns are N(0, V + H (D + P) H). V is their covariance, from tiles (the sandwich; White 1982), H
-the information, D the covariance between sessions of good units, P an effect's prior. Few sessions tell D, so that
-evidence counts as Student's.
+The scores s of all columns are N(0, V + H (D + P) H). V is their covariance, from tiles (the sandwich; White 1982). H
+is the information. D is the covariance of coefficients between sessions of good units, and P an effect's prior. D comes
+from few sessions, so evidence is converted to that of Student's distribution.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduced:
-    """Holds the scores of selected columns: derivatives of the log-likelihood by their coefficients. All other columns
-    are projected out. score [c]; information and covariance of the score [c][c]; prior covariance of the coefficients
-    [c][c]."""
+    """The scores of selected columns, which are derivatives of the log-likelihood by their coefficients. All other
+    columns are projected out. score [c]; information and covariance of the score [c][c]; prior covariance of the
+    coefficients [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
@@ -43,11 +43,11 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Found:
-    """Holds how well one effect explains a room's images. nats: log-likelihood gain over no effect (Student's
-    likelihood). parameters: {name: (value, deviation)}, fitted together with all other columns. least: {parameter: the
-    smallest size that five of six such recordings would detect}. finding: a sentence that replaces the effect's own; ""
-    = none. members: {effect: probability} of all effects that this recording cannot tell apart, itself included; empty
-    where it is not named."""
+    """The evidence for one effect in a room's images. nats: gain of log-likelihood over no effect (Student's
+    distribution). parameters: {name: (value, standard deviation)}, fitted together with all other columns. least:
+    {parameter: smallest size that is detected in five of six such recordings}. finding: a sentence in place of the
+    effect's own; "" = none. members: {effect: probability} of all effects that this recording cannot distinguish, this
+    one included; empty if it is not named."""
 
     effect: Effect
     nats: float
@@ -58,8 +58,8 @@ class Found:
 
 
 def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> Reduced:
-    """Projects all columns except those numbered `asked` out of the normal equations, and returns the scores of the
-    asked ones."""
+    """Projects all columns except those with the indices `asked` out of the normal equations. Returns the scores of the
+    asked columns."""
     E = np.array(sorted(asked))
     N = np.setdiff1d(np.arange(len(columns)), E)
     H, s = normal.information.sum(axis=0), normal.score.sum(axis=0)
@@ -89,10 +89,10 @@ def reduced(normal: Normal, columns: Sequence[Column], asked: Iterable[int]) -> 
 
 def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
     """Compares every effect with no effect by the columns' scores; returns a Found for each, likeliest first. An effect
-    is tried by each of its parameters alone and by all together.
+    is tried with each of its parameters alone and with all together.
 
-    spread: {column: standard deviation of its coefficient between sessions of good cameras}; a column that is missing
-    may have any value within its prior.
+    spread: {column: standard deviation of its coefficient between sessions of good cameras}. A column that is not in it
+    has its prior covariance instead.
     """
     names = [c.name for c in room.columns]
     D = _between_sessions(room, spread)
@@ -133,29 +133,29 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
 
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Returns the sets of columns by which an effect may show: those of each parameter alone, without a bend, then all
-    together."""
+    """Returns the sets of columns by which an effect may act: those of each parameter alone, without a bend, then
+    all."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
     alone = [np.array([j for j in own if columns[j].parameter == p and not _is_bend(columns[j])]) for p in parameters]
     return alone if len(alone[0]) == len(own) else [*alone, own]
 
 
 def _is_bend(column: Column) -> bool:
-    """Returns whether a column is the saturation beside a response's exponent."""
+    """Returns whether a column is the saturation column of a response effect."""
     return column.name.endswith(".bend")
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
-    """Returns the prior variances [c] of all coefficients if an effect acts through the columns `own`; 0 for the
-    others."""
+    """Returns the prior variances [c] of all coefficients if an effect acts through the columns `own`, 0 for other
+    columns."""
     out = np.zeros(len(columns))
     out[own] = [columns[j].sd ** 2 for j in own]
     return out
 
 
 def _between_sessions(room: Reduced, spread: Mapping[str, float]) -> Matrix:
-    """Returns the covariance [c][c] of the columns' coefficients between good sessions: their prior one where `spread`,
-    {column: deviation}, lacks them."""
+    """Returns the covariance [c][c] of the columns' coefficients between good sessions. Columns that `spread`, {column:
+    standard deviation}, lacks have their prior covariance."""
     names = [c.name for c in room.columns]
     deviation = np.array([np.sqrt(_INFLATED) * spread.get(name, np.nan) for name in names])
     told = np.isfinite(deviation)
@@ -168,13 +168,13 @@ def _between_sessions(room: Reduced, spread: Mapping[str, float]) -> Matrix:
 
 
 def student(nats: float, few: float) -> float:
-    """Converts a log-likelihood gain under a normal distribution to that under Student's with `few` degrees of freedom.
-    Negative gains stay as they are."""
+    """Converts a log-likelihood gain of a normal distribution to that of Student's distribution with `few` degrees of
+    freedom. Negative gains are returned unchanged."""
     return 0.5 * (few + 1.0) * float(np.log1p(2.0 * nats / few)) if nats > 0 else nats
 
 
 def gaussian(nats: float, few: float) -> float:
-    """Inverts student()."""
+    """Converts a log-likelihood gain of Student's distribution back to that of a normal one; inverse of student()."""
     return 0.5 * few * float(np.expm1(2.0 * nats / (few + 1.0))) if nats > 0 else nats
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Predicts a held-out view from the other views, to prove the values that were measured on them.
+"""Predicts a held-out view from the other views, to test the values that were estimated from them.
 
-Its slow light comes from the other views, its fine light from its own other camera, because no other view's dots are as
-near. Dots are not taken out of the other views' light: where a texture passes for dots, that leaves more than the dots.
-The model's effects in the camera are taken out of all images, and put into the prediction.
+Its slow light comes from the other views. Its fine light comes from its own other camera, because no other view's dots
+are as close to its own. Dots are not removed from the other views' light: if a texture passes for dots, their removal
+leaves a larger error than the dots. The model's effects in the camera are removed from all images, and then applied to
+the prediction.
 """
 
 from __future__ import annotations
@@ -29,10 +30,11 @@ _INVERTED = 3  # rounds; more of them sharpen noise
 
 @dataclass(frozen=True)
 class Unseen:
-    """One view's left image at half size, and as the other views predict it.
+    """One view's left image at half size, as recorded and as predicted from the other views.
 
-    frame: the view's id. measured, expected: DN [height][width], NaN in expected where they do not see it. off_axis:
-    tangent of each pixel's angle to the optical axis. rmse_dn: NaN if they see none of it.
+    frame: the frame's id. measured, expected: DN [height][width]; expected is NaN where the other views see nothing.
+    off_axis: tangent of each pixel's angle to the optical axis. rmse_dn: root mean square error, NaN without
+    prediction.
     """
 
     frame: int
@@ -48,8 +50,8 @@ Effects = Sequence[tuple[Effect, Mapping[str, float]]]
 def predict_unseen(
     room: Room, views: Iterable[int], black_dn: float, exponent: float, effects: Effects = ()
 ) -> list[Unseen]:
-    """Predicts each of the views from the others, with one free scale, under a falloff cos^exponent and further effects
-    in the camera, each with its parameters' values."""
+    """Predicts each of the views from the others, up to one free scale per view; returns an Unseen for each. exponent:
+    n of the lens falloff cos^n. effects: further effects in the camera with their parameters' values."""
     free = copy(room)
     free.images = [replace(i, dn=_without(room, k, black_dn, effects)) for k, i in enumerate(room.images)]
     gain, out = gains(room, exponent), []
@@ -71,8 +73,8 @@ def predict_unseen(
 
 
 def _without(room: Room, k: int, black_dn: float, effects: Effects) -> Image:
-    """Returns image number k, DN above black, as the camera would record it without the effects: moved back by a warp's
-    displacement, else by van Cittert's iteration."""
+    """Returns image k in DN above black as the camera would record it without the effects. Warps are undone by the
+    opposite displacement, other effects by van Cittert's iteration."""
     view, light = view_of(room, k), room.images[k].dn - np.float32(black_dn)
     for effect, values in reversed(effects):
         if is_warp(effect):
@@ -87,8 +89,8 @@ def _without(room: Room, k: int, black_dn: float, effects: Effects) -> Image:
 
 
 def _slow_from_others(free: Room, view: int, gain: list[Image]) -> tuple[Image, Mask]:
-    """Returns (the left image's slow light as other views' left images predict it, a mask of the places that they see).
-    free: the room with light above black. The dots' share of a view's light changes with the distance from the
+    """Returns (slow light of a view's left image as predicted from other left images, mask of the pixels that these
+    see). free: the room with light above black. The dots' share of the light is corrected for the distance from the
     projector."""
     own, looks = free.images[2 * view], [Looks.of(image) for image in free.images]
 
