@@ -9,7 +9,7 @@ evidence   computes how much likelier an effect is than none
 beside     finds what no column shows: row noise, drops on a window, pitch, a bent response, falloff
 names      names the effects that a room shows
 unseen     predicts held-out views from the others
-further    adds views to a room: of a session when the camera was good, or before they are recorded
-plan       suggests which recordings would tell which effects
+further    adds views to a room: from a session when the camera was good, or planned ones
+plan       suggests recordings, with the effects that each would detect
 diagnosed  writes the diagnosis as diagnose.json holds it
 """

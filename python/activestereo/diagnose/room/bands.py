@@ -21,7 +21,7 @@ BANDS = ("slow", "fine", "dots", "pair")
 _FAST_PX, _AMPLITUDE_PX, _SLOW_PX = 2.0, 4.5, 3.0
 _FINE_PX, _PAIR_PX = 0.8, 1.2
 _LEAST_DOTS, _LEAST_USABLE = 2e-4, 0.05
-# The least light of the projector that tells dots, and the most that is believed, 1/m^2.
+# The least projector light at which dots are measured, and the value at which it is capped, 1/m^2.
 LEAST_GEOMETRY, MOST_GEOMETRY = 0.02, 5.0
 
 
@@ -33,8 +33,8 @@ def blur(image: Image, sigma_px: float) -> Image:
 @dataclass(frozen=True)
 class Looks:
     """Filters that split one camera's image into bands; all arrays are [height][width] of a RoomImage. dots: the
-    projector's pattern on the surfaces, 0..1; fast_dots: its high-pass part; dots_square: the local mean square of
-    fast_dots. usable: 1 for pixels that count, else 0; share: the local mean of usable."""
+    projector's pattern on the surfaces, 0..1. fast_dots: its high-pass part. dots_square: the local mean square of
+    fast_dots. usable: 1 at pixels that count, else 0. share: the local mean of usable."""
 
     dots: Image
     fast_dots: Image
@@ -49,8 +49,8 @@ class Looks:
         return cls(image.dots, fast, square, usable, np.maximum(blur(usable, _SLOW_PX), _LEAST_USABLE))
 
     def amplitude(self, image: Image) -> Image:
-        """Returns the local amplitude of the dots in an image [height][width], DN per unit of the pattern, by local
-        regression on fast_dots."""
+        """Returns the local amplitude of the dots in an image, [height][width], DN per unit of the pattern. It is a
+        local regression on fast_dots."""
         fast = image - blur(image, _FAST_PX)
         return blur(fast * self.fast_dots * self.usable, _AMPLITUDE_PX) / self.dots_square
 
@@ -69,7 +69,7 @@ class Looks:
         return blur(image, _PAIR_PX) - blur(image, _SLOW_PX)
 
     def even(self, amplitude: Image) -> Image:
-        """Returns a dot amplitude [height][width] after the "slow" band's Gaussian blur. Only usable pixels count."""
+        """Returns a dot amplitude [height][width] blurred like the "slow" band, over usable pixels only."""
         return blur(amplitude * self.usable, _SLOW_PX) / self.share
 
     def all(self, image: Image) -> dict[str, Image]:

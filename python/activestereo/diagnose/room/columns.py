@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes columns: how every image of a room changes by each effect, and by errors of the calibration.
+"""Computes columns: how each effect, and each error of the calibration, changes every image of a room.
 
-An effect's column is the difference of its own image function on the expected light. The same camera measured the dots,
-so that an effect on them is already in them, and shows only between the two cameras of a pair.
+An effect's column is the difference that its image function makes to the expected light. The dots were measured by the
+same camera, so they already contain an effect on dots. It shows only as a difference between the cameras of a pair.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REACH = 2.0
 # if its cameras differ. Elsewhere their columns would hold remainders of textures and dots.
 _MOVED, _SCALED, _OF_ONE_CAMERA = ("slow", "fine", "pair"), ("slow",), ("slow", "pair")
 _APART = 0.25
-# Prior deviations of what no calibration told.
+# Prior standard deviations of nuisances that no calibration measured.
 _TURN_RAD, _MOVE_M, _FOCAL, _BASELINE_M, _NEAREST_M = 5e-4, 5e-4, 0.003, 1e-3, 0.3
 _SLOW_LAW, _DOTS_LIGHT, _BLACK_DN, _EXPONENT = 0.03, 1.0, 1.5, 0.5
 # Flicker bands over the height of an image: rows are read in 4 to 36 ms, mains light has 100 or 120 periods a second.
@@ -52,11 +52,11 @@ Flow = Callable[[int], tuple[Image, Image]]
 
 @dataclass(frozen=True)
 class Column:
-    """Describes how one effect, or one calibration error, changes images of a room at coefficient 1. sd: prior standard
-    deviation of the coefficient. images: the numbers of those that it changes. law(image number, light above black in
-    DN): returns the change in DN. flow(image number): in place of a law, the displacement (x, y) of the light in px,
-    each [height][width]. effect, parameter: None for a nuisance; step: the parameter's change at coefficient 1. bands:
-    those in which the column counts. alike: factor on the deviations of good units."""
+    """How one effect, or one calibration error, changes images of a room at coefficient 1. sd: prior standard deviation
+    of the coefficient. images: indices of the images that change. law(image index, light above black in DN): returns
+    the change in DN. flow(image index): in place of law, returns the light's displacement (x, y) in px, each
+    [height][width]. effect, parameter: None for a nuisance. step: the parameter's change at coefficient 1. bands: those
+    in which the column counts. alike: factor on the spread among good units."""
 
     name: str
     sd: float
@@ -70,19 +70,19 @@ class Column:
     alike: float = 1.0
 
     def change(self, k: int, image: Image) -> Image:
-        """Returns the change in DN of image number k, which holds this light."""
+        """Returns the change in DN of image k at coefficient 1. image: its light above black, DN."""
         return self.law(k, image) if self.law is not None else gradient_change(image, *self.moves(k))
 
     def moves(self, k: int) -> tuple[Image, Image]:
-        """Returns the displacement (x, y) of the light in image number k, px; 0 in images that do not change."""
+        """Returns the displacement (x, y) of the light in image k, px; 0 in images that do not change."""
         assert self.flow is not None
         dx, dy = self.flow(k)
         return (dx, dy) if k in self.images else (0 * dx, 0 * dy)
 
 
 def gradient_change(image: Image, dx: Image, dy: Image) -> Image:
-    """Returns the change in DN of an image whose light moves by (dx, dy) pixels [height][width], from its gradient
-    (first order)."""
+    """Returns the change in DN of an image whose light moves by (dx, dy) pixels, each [height][width]. It is the
+    first-order change, from the image's gradient."""
     down, across = np.gradient(image)
     return np.asarray(-(dx * across + dy * down), np.float32)
 
@@ -106,8 +106,8 @@ _RIGID: dict[str, Callable[[Image, Image, Image], tuple[Image, Image]]] = {
 
 
 def nuisances(room: Room, light: RoomLight) -> list[Column]:
-    """Returns the nuisance columns: errors of exposure, falloff, geometry and black level left by `calibrate world`,
-    and smooth light that no model explains. Names and units are those of its joint covariance."""
+    """Returns the nuisance columns: errors of exposure, falloff, geometry and black level that `calibrate world`
+    leaves, and smooth light that no model explains. Names and units are those of the calibration's joint covariance."""
     out: list[Column] = []
     images, f, ones = range(len(room.images)), np.float32(room.images[0].K[0, 0]), np.ones(room.shape, np.float32)
     judged, right = range(2 * room.judged), range(1, 2 * room.judged, 2)  # a good session has its own common errors
@@ -149,13 +149,13 @@ def nuisances(room: Room, light: RoomLight) -> list[Column]:
 
 
 def of_view(view: int) -> range:
-    """Returns the numbers of a view's images."""
+    """Returns the indices of a view's two images."""
     return range(2 * view, 2 * view + 2)
 
 
 def prior_precision(room: Room, columns: Sequence[Column]) -> NDArray[np.float64]:
-    """Returns the inverse of the columns' prior covariance [c][c]: the calibration's joint one where it has told it,
-    else each column's own sd."""
+    """Returns the inverse of the columns' prior covariance, [c][c]. It is the calibration's joint covariance for
+    columns that it holds, and sd^2 for the others."""
     told, joint = room.joint
     covariance = np.diag([c.sd**2 for c in columns])
     own = [j for j, c in enumerate(columns) if c.effect is None and c.name in told]
@@ -165,8 +165,8 @@ def prior_precision(room: Room, columns: Sequence[Column]) -> NDArray[np.float64
 
 
 def effects_of(room: Room, light: RoomLight, effects: Mapping[str, Effect]) -> list[Column]:
-    """Returns columns of effects in the camera, one for each parameter that changes an image. Effects that are
-    nuisances of every room, such as its falloff, and those that are searched for are left out."""
+    """Returns columns of effects in the camera, one for each parameter that alone changes an image. Lens falloff, which
+    is a nuisance of every room, and effects with alternatives() are left out."""
     views, judged = [view_of(room, k) for k in range(len(room.images))], range(2 * room.judged)
     out: list[Column] = []
     for effect in effects.values():
@@ -224,13 +224,13 @@ def _share(effect: Effect) -> float:
 
 
 def _differs(change: Change, image: Image) -> bool:
-    """Returns whether a change differs between the cameras of a view by more than their different centres explain."""
+    """Returns whether a change differs more between the cameras of a view than their different positions explain."""
     left, right = (change(k, image) for k in (0, 1))
     return bool(np.square(left - right).sum() > _APART * np.square(left).sum())
 
 
 def is_alike_in_views(effect: Effect) -> bool:
-    """Returns whether an effect in the camera changes all views by one law, without chance."""
+    """Returns whether an effect in the camera changes all views by the same law, without randomness."""
     if effect.id in (_PERIODIC, "black_level"):
         return False
     own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE
@@ -243,8 +243,9 @@ def _difference(effect: Effect, p: Parameter, value: float, views: list[View], b
 
 
 def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
-    """Returns the displacement field of a warp effect: a function of the image number. It applies the effect to images
-    that hold each pixel's own column and row. value: of parameter p; share: value over its typical value."""
+    """Returns a function from an image's index to the displacement field of a warp effect. It applies the effect to
+    images whose values are each pixel's own column or row. value: of parameter p. share: value over its typical
+    value."""
 
     @cache
     def flow(k: int) -> tuple[Image, Image]:
@@ -270,9 +271,9 @@ def acting(effect: Effect, values: Mapping[str, float], image: Image, view: View
 
 
 def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> Callable[[float], tuple[float, float]]:
-    """Returns a function of a fitted coefficient with this sign. It returns (the parameter's value whose true image
-    change is as large along the column, its derivative by the coefficient). The two are not proportional: a blur grows
-    as the square of its width."""
+    """Returns a function of a fitted coefficient in the parameter's unit, which has this sign. It returns (the
+    parameter's value whose true image change is as large along the column, its derivative by the coefficient). The two
+    are not proportional: a blur grows as the square of its width."""
     effect, p = column.effect, column.parameter
     assert effect is not None and p is not None
     sign = sign if p.low < p.neutral else 1.0
@@ -300,7 +301,7 @@ def size_of(room: Room, light: RoomLight, column: Column, sign: float = 1.0) -> 
 
 
 def view_of(room: Room, k: int) -> View:
-    """Returns what an effect may know of image number k."""
+    """Returns the View of image k, which holds all that an effect may know of it."""
     image, rig = room.images[k], room.rig
     to_camera = np.eye(4) if image.side == "left" else rig.left_to_right
     normal = normals_of(points_of(image.depth_m, image.K)).astype(np.float64)
@@ -312,8 +313,8 @@ def view_of(room: Room, k: int) -> View:
 
 
 def pedestals(room: Room, effects: Mapping[str, Effect]) -> list[Column]:
-    """Returns one column per view for a black level that differs between views; [] if `effects` lack the black
-    level."""
+    """Returns one column per view for a black level that differs between views; empty if `effects` has no
+    "black_level"."""
     effect = effects.get("black_level")
     if effect is None:
         return []
@@ -327,14 +328,16 @@ def pedestals(room: Room, effects: Mapping[str, Effect]) -> list[Column]:
 def alternatives(
     room: Room, light: RoomLight, effects: Mapping[str, Effect]
 ) -> dict[str, dict[tuple[float, ...], list[Column]]]:
-    """Returns {effect: {alternative: its columns}} of the effects that are searched for: lamp flicker by its period in
-    rows of the whole image, and a ghost by its pane's angle to the sensor, degrees about y and x."""
+    """Returns {effect: {alternative: its columns}} for effects with a parameter that must be searched. For lamp flicker
+    it is the period in rows of the full-size image. For a ghost it is the angles of its pane to the sensor, in degrees
+    about y and x."""
     each = {_PERIODIC: lambda effect: _waves(room, effect), _GHOST: lambda effect: _ghosts(room, light, effect)}
     return {name: found(effects[name]) for name, found in each.items() if name in effects}
 
 
 def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
-    """A ghost of dots is smooth light at another place, so that ghosts are of all light."""
+    """Returns {pane angles in degrees: the ghost's column}. A ghost of dots is smooth light elsewhere in the image, so
+    the ghost is computed from all light."""
     p, out = effect.parameters[0], dict[tuple[float, ...], list[Column]]()
     views = [view_of(room, k) for k in range(len(room.images))]
     lit = [of_room + dots for of_room, dots in zip(light.room, light.dots, strict=True)]
@@ -350,7 +353,8 @@ def _ghosts(room: Room, light: RoomLight, effect: Effect) -> dict[tuple[float, .
 
 
 def _waves(room: Room, effect: Effect) -> dict[tuple[float, ...], list[Column]]:
-    """Each view has a sine and a cosine column, so that its phase is free."""
+    """Returns {period in rows: flicker columns}. Each view has a sine and a cosine column, so that its phase is
+    free."""
     p, out = effect.parameters[0], dict[tuple[float, ...], list[Column]]()
     rows = np.arange(room.shape[0], dtype=np.float32)[:, None] * 2 + 0.5
     for cycles in _CYCLES:

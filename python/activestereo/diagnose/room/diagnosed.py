@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnoses a room that `calibrate world` measured. Nothing is rendered, for the scene is an unknown too."""
+"""Diagnoses a room that `calibrate world` measured. Nothing is rendered, because the scene is unknown, too."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ _WHOLE_PX = 4.0  # blur of the light whose ratios tell the falloff, at half size
 def diagnosed_room(
     capture: Capture, given: Model, effects: Mapping[str, Effect], reference: Sequence[Capture] = ()
 ) -> tuple[dict[str, Any], Model, SensorModel, tuple[Unseen, Unseen] | None]:
-    """Returns (diagnose.json's contents, the model with the effects found, model.json's contents, Diagnosis.unseen) of
-    a measured room. reference: sessions of the same unit from when it was good. ValueError: one of them is no measured
-    room, of another image size, or of another unit."""
+    """Diagnoses a measured room. Returns (diagnose.json's contents, the model with the effects found, model.json's
+    contents, Diagnosis.unseen). reference: sessions of the same unit from when it was good. Raises ValueError if a
+    reference is no measured room, or has another image size or is of another unit."""
     room = Room(capture)
     names = names_of(room, given, effects, [_room_of(other, capture) for other in reference])
     told = [in_own_units(f, names.seen) for f in names.named]
@@ -99,7 +99,7 @@ def diagnosed_room(
 
 
 def _room_of(reference: Capture, capture: Capture) -> Room:
-    """Returns the room of a reference. ValueError: it does not fit the capture."""
+    """Returns the Room of a reference. Raises ValueError if it does not fit the capture."""
     if not is_measured_room(reference):
         raise ValueError(f"{reference.path}: is no reference: make it with calibrate world from two or more views")
     sizes = [f"{c.rig.left.width}x{c.rig.left.height}" for c in (reference, capture)]
@@ -111,7 +111,7 @@ def _room_of(reference: Capture, capture: Capture) -> Room:
 
 
 def _other_unit(reference: Capture, capture: Capture) -> str:
-    """Returns the reason why two measured rooms cannot be of one camera; an empty text if they can."""
+    """Returns the reason why two measured rooms cannot be of one camera; "" if they can."""
     cameras = [c.measured.get("camera", {}) for c in (reference, capture)]
     told = [(np.array(c["f_cx_cy_px"]), np.array(c["covariance_px2"])) for c in cameras if c.get("covariance_px2")]
     if len(told) == 2:
@@ -131,8 +131,8 @@ def _other_unit(reference: Capture, capture: Capture) -> str:
 
 
 def _shared_dots(first: Image, second: Image) -> float:
-    """Returns the median correlation of two patterns' patches at their best shift, for a projector's place is known
-    only to a few pixels."""
+    """Returns the median correlation of two patterns' patches, each at its best shift. A shift is allowed because the
+    projector's pose is known only to a few pixels."""
     first, second = (image - blurred(image, _PATCH_PX / 16) for image in (first, second))
     found, side, reach = [], _PATCH_PX, _REACH_PX
     for row in range(reach, first.shape[0] - side - reach, 2 * side):
@@ -145,9 +145,9 @@ def _shared_dots(first: Image, second: Image) -> float:
 
 
 def _falloff(seen: Seen, found: Sequence[Found]) -> list[Found]:
-    """Returns the lens's falloff as overlapping views show it with the effects found taken out of the images: a ghost,
-    which lights places of two views differently, passes for falloff. Nothing if the given model has one or it is no
-    clear finding. The effects are known to first order: the exponent is doubted by as much as they move it."""
+    """Returns the finding of lens falloff as overlapping views show it; [] if the given model has it or it is not
+    significant. Changes by the effects found are removed first, since a ghost, for example, passes for falloff. They
+    are known to first order only, so the exponent's standard error includes the shift of the exponent by them."""
     told = falloff(seen.room, seen.asked)
     if told is None:
         return []
@@ -166,8 +166,8 @@ def _falloff(seen: Seen, found: Sequence[Found]) -> list[Found]:
 
 
 def _exponent(seen: Seen, less: Mapping[int, Image]) -> tuple[float, float]:
-    """Fits the falloff's exponent to images of a room, less some DN {image number: [height][width]}, as `calibrate
-    world` does."""
+    """Returns (falloff exponent, its standard error) fitted to left images of a room, as `calibrate world` does. less:
+    {image index: DN [height][width] to subtract}."""
     room, views = seen.room, []
     for k, taken in less.items():
         image, right = room.images[k : k + 2]
@@ -185,8 +185,8 @@ def _exponent(seen: Seen, less: Mapping[int, Image]) -> tuple[float, float]:
 
 
 def in_own_units(found: Found, seen: Seen) -> Found:
-    """Returns a found effect with the values and deviations of its parameters, by their names and in their own units.
-    Flicker bands get their depth, and the line time if the light flickers at 100 Hz."""
+    """Returns a found effect with its parameters' values and standard errors by parameter name, in the parameters'
+    units. Flicker gets its depth, and the line time that it has if the light flickers at 100 Hz."""
     columns = {c.name: c for c in seen.scores.columns if c.effect is found.effect}
     out = {}
     if found.effect.id == "flicker_banding":
@@ -208,7 +208,7 @@ def in_own_units(found: Found, seen: Seen) -> Found:
 
 
 def _beyond(found: Found) -> str:
-    """Returns a clause on a parameter that lies outside its range by more than its error; empty if none does."""
+    """Returns a clause on a parameter that lies outside its range by more than its error; "" if there is none."""
     for p in found.effect.parameters:
         value, deviation = found.parameters.get(p.name, (p.neutral, 0.0))
         if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
@@ -217,7 +217,7 @@ def _beyond(found: Found) -> str:
 
 
 def _others(names: Names) -> list[Found]:
-    """Returns the effects that were not named, likeliest first."""
+    """Returns the effects that were judged but not named, likeliest first."""
     named = {f.effect.id for f in names.named}
     rest = [in_own_units(f, names.seen) for f in names.ranking if f.effect.id not in named]
     return [replace(f, nats=max(f.nats, 0.0), finding="") for f in rest]
@@ -240,7 +240,8 @@ def _entry(found: Found) -> dict[str, Any]:
 
 
 def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
-    """Returns the probabilities of diagnose.json: from the evidence beyond the threshold for naming an effect."""
+    """Returns `probabilities` of diagnose.json, computed from the evidence beyond the threshold for naming an
+    effect."""
     odds = np.exp(max((min(f.nats, 500.0) - NEEDED for f in names.ranking), default=-np.inf))
     first = names.named[0].members if names.named else {}
     named = {name: float(odds / (1.0 + odds)) * p for name, p in first.items()}
@@ -250,8 +251,8 @@ def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
 
 
 def _next(names: Names) -> list[dict[str, Any]]:
-    """Returns recordings that would detect effects that this one cannot. The last entry lists the effects that it
-    detects."""
+    """Returns `next_measurement` of diagnose.json: recordings that would detect effects that this one cannot. The last
+    entry lists the effects that this recording detects."""
     this, *others = plan_of(names.seen)
     out = [{"text": f"{r.text} ({r.minutes:g} min)", "separates": list(r.tells), "change": None} for r in others]
     told = f"nothing more: this recording tells {sizes(this) or 'no effect'}"
@@ -259,8 +260,9 @@ def _next(names: Names) -> list[dict[str, Any]]:
 
 
 def _unseen(seen: Seen, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
-    """Returns each held-out view that others see (each view, if none is held out), predicted from the others under the
-    effects of both models that are alike in all views."""
+    """Returns a prediction of each held-out view (of every view, if none is held out) from the other views, as a pair
+    under both models. Only effects that are alike in all views are applied. Views that no other view sees are left
+    out."""
     room = seen.room
     test = [f.id for f in room.capture.split("test") if f.depth_path is not None]
     whole = room if not test else Room(room.capture, [*(f.id for f in room.frames), *test])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adds views to a room: those of a session of the same views when the camera was good, or one before it is recorded.
+"""Adds views to a room: views of a session from when the camera was good, or simulated views of a planned recording.
 
-Images without an effect give each cell's radiance, so that an effect that changes all images of the room alike shows,
-too. Views turned by 15 degrees are of no use for that: their slow light differs, and looks like another response.
+Images without an effect show each cell's radiance, so an effect that changes all images of the room alike shows, too.
+Views turned by 15 degrees are of no use for that: their slow light differs, and looks like another response.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ _SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
 
 
 def with_turned_view(room: Room, light: RoomLight, turn_deg: tuple[float, float, float]) -> Room:
-    """Adds a view before it is recorded: the first one, its cameras turned by turn_deg about their x, y, z; not turned,
-    it is of when the camera was good. Light and dots are those that were found, without noise."""
+    """Returns a room with a simulated view: the first one, its cameras turned by turn_deg about their x, y and z axes.
+    If all angles are 0, it stands for a session of the good camera. Light and dots are the estimated ones, without
+    noise."""
     x, y, z = (cv2.Rodrigues(np.radians(turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))
     turned = np.eye(4)
     turned[:3, :3] = np.linalg.inv(z @ y @ x)
@@ -38,7 +39,8 @@ def with_turned_view(room: Room, light: RoomLight, turn_deg: tuple[float, float,
 
 
 def _turned(room: Room, light: RoomLight, k: int, turn: NDArray[np.float64]) -> RoomImage:
-    """Simulates an image of image k's camera, turned. turn: from the turned camera's axes to its old ones."""
+    """Simulates an image of image k's camera after a turn. turn: rotation from the turned camera's axes to its old
+    ones."""
     old = room.images[k]
     rays = np.stack([*old.rays(), np.ones(room.shape)], axis=-1) @ turn.T
     ahead = np.where(rays[..., 2] > 0.1, rays[..., 2], np.nan)
@@ -56,9 +58,9 @@ def _turned(room: Room, light: RoomLight, k: int, turn: NDArray[np.float64]) -> 
 
 
 def room_beside(room: Room, good: Room) -> Room | None:
-    """Joins a room with a session of the good camera, whose views follow its own. Returns None if their first views do
-    not lie at the same pose and share enough pixels. The capture is the good session's, since a flaw in the camera
-    under test, such as a soft response, is in that one's black level and falloff."""
+    """Joins a room with a session of the good camera, whose views follow the room's. Returns None unless their first
+    views have about the same pose and share enough pixels. The result has the good session's capture, since a flaw in
+    the camera under test, such as a soft response, distorts its own black level and falloff."""
     rng = np.random.default_rng(0)
     first, second = (_surface(session, rng) for session in (good, room))
     overlap = find_overlap(0, 1, first, second, room.capture.rig.left.K)
@@ -81,7 +83,7 @@ def room_beside(room: Room, good: Room) -> Room | None:
 
 
 def _with_views(room: Room, further: Iterable[tuple[RoomImage, NDArray[np.float64]]]) -> Room:
-    """Returns a room with further views: their images, each with its own camera's 4x4 camera_to_world."""
+    """Returns a room with more views. further: their images, each with its camera's 4x4 camera_to_world."""
     out = copy(room)
     out.images, out._places = list(room.images), dict(room._places)
     for image, pose in further:
@@ -93,7 +95,7 @@ def _with_views(room: Room, further: Iterable[tuple[RoomImage, NDArray[np.float6
 
 
 def _surface(session: Room, rng: np.random.Generator) -> Surface:
-    """Returns the surface points of a session's first view."""
+    """Returns the surface points that a session's first view shows."""
     capture, frame = session.capture, session.frames[0]
     left, right = (capture.ir(frame, side).astype(np.float32) for side in ("left", "right"))
     depth = capture.depth(frame)

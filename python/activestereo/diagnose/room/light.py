@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates the light expected in every image of a room: all images of a cell, at each image's exposure and falloff."""
+"""Estimates the expected light in every image of a room, as the mean over all images that see a surface, scaled to each
+image's exposure and lens falloff."""
 
 from __future__ import annotations
 
@@ -18,10 +19,10 @@ _LEAST_WEIGHT = 1e-6
 
 @dataclass(frozen=True)
 class RoomLight:
-    """Holds the light of a room's images: lists over image numbers, [height][width], DN above black at half size. gain:
-    exposure times lens falloff, without unit. seen: recorded. room: expected without dots. dots: expected dots alone.
-    both: mean of the view's two cameras, as recorded. looks: each image's band filters. lens: n of the falloff
-    cos^n."""
+    """The light of a room's images. Each list has one array [height][width] per image, in DN above black at half size.
+    gain: exposure times lens falloff, without unit. seen: recorded. room: expected without dots. dots: expected dots
+    alone. both: mean of the view's two cameras, as recorded. looks: each image's band filters. black_dn: the black
+    level. lens: n of the falloff cos^n."""
 
     gain: list[Image]
     seen: list[Image]
@@ -34,7 +35,7 @@ class RoomLight:
 
 
 def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
-    """Estimates the light of a room's images under a black level (DN) and a falloff cos^exponent."""
+    """Returns the expected light of a room's images for a black level in DN and a lens falloff cos^exponent."""
     count = len(room.images)
     looks = [Looks.of(image) for image in room.images]
     gain = gains(room, exponent)
@@ -53,15 +54,15 @@ def room_light(room: Room, black_dn: float, exponent: float) -> RoomLight:
 
 
 def gains(room: Room, exponent: float) -> list[Image]:
-    """Returns each image's exposure times its falloff cos^exponent."""
+    """Returns each image's exposure times its lens falloff cos^exponent, [height][width]."""
     return [(i.exposure * (1.0 + i.r2()) ** (-0.5 * exponent)).astype(np.float32) for i in room.images]
 
 
 def _expected(room: Room, k: int, own: list[Image], gain: list[Image]) -> Image:
-    """Returns the room light expected in image k, DN, [height][width]: the blurred mean of all images at k's places,
-    and fine light, weighted by how well image k agrees with other views. own: each image's light without dots and black
-    level, DN. gain: each image's exposure times lens falloff. Unconfirmed fine light is noise or rests of dots, and
-    would weaken every column computed from it."""
+    """Returns the room light expected in image k, DN [height][width], without dots. It is the blurred mean of all
+    images at k's pixels, plus fine light weighted by how well image k agrees with other views. Fine light that no other
+    view confirms is noise or remains of dots, and would weaken every column computed from it. own: each image's light
+    without dots and black level. gain: as in RoomLight."""
     fine = [image - blur(image, _SLOW_PX) for image in own]
     mean, _ = mean_seen(room, k, own, gain)
     fine_mean, _ = mean_seen(room, k, fine, gain)
@@ -76,10 +77,9 @@ def mean_seen(
     room: Room, k: int, of: list[Image], gain: list[Image], images: Sequence[int] | None = None,
     lit: Callable[[int], Image] = lambda j: np.ones(1, np.float32),
 ) -> tuple[Image, Image]:  # fmt: skip
-    """Averages the images `of` at the pixels of image number k, and scales the mean to the gain of image k. Returns
-    (mean; mask, 1 where it is known). All images have equal weights for every k: otherwise each column would contain
-    its own image's errors. images: the numbers to average, None = all. lit: a factor on each image's light at the
-    pixels of image k."""
+    """Returns (mean of the images `of` at the pixels of image k, scaled to the gain of image k; mask, 1 where it is
+    known). All images have equal weights for every k; otherwise each column would contain its own image's errors.
+    images: the indices to average, None = all. lit(j): a factor on the light of image j at the pixels of image k."""
     total, weight = np.zeros_like(of[k]), np.zeros_like(of[k])
     for j in range(len(of)) if images is None else images:
         if j == k:

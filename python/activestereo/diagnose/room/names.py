@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names the effects that a measured room shows. The likeliest is named if it exceeds the differences between sessions
-of one good unit, then the next one beside it that is no twin of the first."""
+"""Names the effects that a measured room shows. The likeliest effect is named if it exceeds the differences between
+sessions of good units. Then the likeliest remaining one is tested beside it, unless both cannot be distinguished."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from activestereo.diagnose.selection import credible
 from activestereo.effects import Effect, Model
 
 _MOST_NAMES, _MASS, _PROMISED = 3, 0.95, 5.0 / 6.0
-# Columns judged along with the effects: properties of the camera that `calibrate world` measured.
+# Columns scored together with the effects: properties of the camera that `calibrate world` measured.
 _CAMERA = ("black", "falloff", "right row")
 # Effects of single views or scenes, not of a unit.
 _OF_ONE_VIEW = ("flicker_banding", "black_level", "veiling_glare")
 # Black levels are no glare if the views' light leaves more than this share of their squares.
 _UNLIKE_GLARE = 0.2
-# A response whose form the columns do not have leaves a rest in the dark.
+# A response that differs from the columns' form leaves an error in dark pixels.
 _LEFT_BY = {"response_gamma": ("black_level",)}
 
 
 @dataclass(frozen=True)
 class Names:
-    """The result of names_of(). named: the effects found, in the order of finding. ranking: all effects, likeliest
-    first, as judged before the first was found. seen: the analysis of the room without reference sessions."""
+    """The result of names_of(). named: the effects found, in order. ranking: all effects, likeliest first, as judged
+    before any was named. seen: the analysis of the room without reference sessions."""
 
     named: tuple[Found, ...]
     ranking: tuple[Found, ...]
@@ -45,10 +45,10 @@ class Names:
 
 @dataclass(frozen=True)
 class Seen:
-    """Holds one analysis of a room. asked: {id: effect} of those to judge. scores: of the effects' columns and of the
-    camera's own (black level, falloff, row offset). chosen: {effect: the likeliest of its alternatives}, of those that
-    are searched for. promised: {effect: (an alternative that shows less than five of six likely ones, the factor on its
-    least size)}. trust: {band: factor on cell weights}, as in cells_out.Normal."""
+    """One analysis of a room. asked: {id: effect to judge}. scores: of the effects' columns and of the camera's own
+    (black level, falloff, row offset). chosen: {effect: its likeliest alternative} for effects with alternatives
+    (columns.py). promised: {effect: (an alternative at least as hard to detect as five of six likely ones, factor on
+    its least detectable size)}. trust: {band: factor on cell weights}, as in cells_out.Normal."""
 
     room: Room
     light: RoomLight
@@ -60,7 +60,7 @@ class Seen:
 
     @computed_once
     def sizes(self) -> Callable[[str], Callable[[float], tuple[float, float]]]:
-        """Returns a function of a column's name: its size_of(), made once."""
+        """Returns a cached function from a column's name to its size_of()."""
         columns = {c.name: c for c in self.scores.columns}
         return cache(lambda name: size_of(self.room, self.light, columns[name]))
 
@@ -109,8 +109,8 @@ def names_of(room: Room, given: Model, effects: Mapping[str, Effect], reference:
 
 
 def session_spread(scores: Reduced, spread: Mapping[str, float]) -> dict[str, float]:
-    """Returns {column: standard deviation of its coefficient between sessions of good cameras} for all effect columns.
-    spread: the same in the parameters' units, by "effect.parameter"."""
+    """Returns {column: standard deviation of its coefficient between sessions of good cameras} for all effects'
+    columns. spread: {"effect.parameter": the same in the parameter's unit}."""
     return {c.name: c.alike * spread[_key(c)] / c.step for c in scores.columns if c.effect is not None}
 
 
@@ -118,9 +118,9 @@ def score_room(
     room: Room, asked: Mapping[str, Effect], chosen: Mapping[str, tuple[float, ...]] | None = None,
     of: Callable[[Sequence[Column]], list[int]] | None = None,
 ) -> Seen:  # fmt: skip
-    """Computes the expected light of a room and the scores of the effects' columns. asked: the effects to judge.
-    chosen: as in Seen; None = they are searched for. of: the numbers of the columns that are scored, None = those of
-    Seen."""
+    """Computes the expected light of a room and the scores of the effects' columns; returns a Seen. asked: the effects
+    to judge. chosen: as in Seen; None searches for them. of(columns): returns the indices of columns to score; None
+    scores those of Seen.scores."""
     measured = room.capture.measured.get("exposure", {})
     black = room.capture.rig.black_dn[0] if room.capture.rig.black_dn else 0.0
     light = room_light(room, black, (measured.get("vignetting_exponent") or (0.0,))[0])
@@ -132,8 +132,8 @@ def score_room(
 
 
 def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduced:
-    """Returns the scores that a room would have with with_turned_view(). Their covariance is inflated
-    over independent cells by the same factor as in the recorded room."""
+    """Returns the expected scores if the view of with_turned_view() were added to the room. Their covariance exceeds
+    that of independent cells by the same factor as in the recorded room."""
     room = with_turned_view(seen.room, seen.light, turn_deg)
     light = room_light(room, seen.light.black_dn, seen.light.lens)
     promised = {effect: alternative for effect, (alternative, _) in seen.promised.items()}
@@ -149,8 +149,8 @@ def with_planned_pair(seen: Seen, turn_deg: tuple[float, float, float]) -> Reduc
 def _of_effects(
     room: Room, light: RoomLight, asked: Mapping[str, Effect], chosen: Mapping[str, tuple[float, ...]]
 ) -> list[Column]:
-    """Returns columns of effects with a known spread. Beside a good session, a second set of nuisances is added for the
-    unit's own lasting errors in both sessions."""
+    """Returns columns of effects whose spread among good units is known. With a good session of the same views,
+    nuisance columns are added for lasting errors that both sessions share."""
     searched = [c for name, each in alternatives(room, light, asked).items() for c in each[chosen[name]]]
     own = [c for c in (*effects_of(room, light, asked), *pedestals(room, asked), *searched) if _key(c) in OF_A_UNIT]
     if room.judged == room.views:
@@ -170,8 +170,8 @@ def _lasting(columns: Sequence[Column]) -> list[int]:
 
 
 def _less_lasting(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
-    """Subtracts the camera's lasting errors from the scores of a room. These errors are fitted to the scores of good
-    sessions (`others`), then shrunk by the share that sessions have in common."""
+    """Returns the scores of a room minus the camera's lasting errors. These errors are fitted to the scores of good
+    sessions (`others`), then reduced to the share that sessions have in common."""
     lasting, value = _lasting(seen.columns), np.zeros(len(seen.columns))
     information = np.diag([seen.columns[j].sd ** -2.0 for j in lasting]) + sum(other.information for other in others)
     share = len(others) * SHARED / (1.0 + (len(others) - 1) * SHARED)
@@ -182,7 +182,7 @@ def _less_lasting(seen: Reduced, others: Sequence[Reduced]) -> Reduced:
 def reinterpret_as_glare(found: Found, seen: Seen) -> Found | None:
     """Reinterprets black levels that differ between views as veiling glare: a share of each view's mean light. Returns
     the finding, None if glare does not fit. With a good session, glare must fit better than a common level. Without
-    one, only differences to the first view count: its level is in the measured black level."""
+    one, only differences from the first view count, because its level is part of the measured black level."""
     effect = seen.asked.get("veiling_glare")
     if effect is None or found.effect.id != "black_level":
         return None
@@ -203,7 +203,7 @@ def reinterpret_as_glare(found: Found, seen: Seen) -> Found | None:
 
 
 def _key(column: Column) -> str:
-    """Returns a column's key in a table of spreads."""
+    """Returns a column's key "effect.parameter" in a table of spreads."""
     assert column.effect is not None and column.parameter is not None
     return f"{column.effect.id}.{column.parameter.name}"
 
@@ -211,9 +211,9 @@ def _key(column: Column) -> str:
 def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], asked: Mapping[str, Effect]
 ) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
-    """Returns ({effect: its likeliest alternative by the low-pass band}, Seen.promised). still: nuisance columns fitted
-    along. Good units flicker, too: likely is what explains the images better than no flicker does, for a weak one at
-    the wrong period would pass for a black level."""
+    """Returns ({effect: its likeliest alternative in the slow band}, Seen.promised). still: nuisance columns fitted
+    too. Good units flicker as well. The likeliest alternative is therefore compared with no flicker at all: weak
+    flicker at a wrong period would pass for a black level."""
     searched = alternatives(room, light, asked)
     if not searched:
         return {}, {}

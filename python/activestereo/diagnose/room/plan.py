@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plans ten minutes of recordings for the effects that a room leaves open: further views of this room, judged by the
-evidence that they would bring, and commands for effects that no view of a room shows."""
+"""Plans ten minutes of recordings for the effects that a room leaves open. They are further views of this room, ranked
+by the evidence that they would bring, and commands for effects that no view of a room shows."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ Sizes = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording: the instruction, its minutes, and {effect: {parameter: the least size that it detects}}; None if
-    that is not computed. ends: the minutes until it is done, after those before it; None if they would be too many."""
+    """A recording: its instruction, its duration in minutes, and tells: {effect: {parameter: least size that it
+    detects}}, with None in place of sizes that are not computed. ends: minutes from the start of the plan to its end;
+    None if it does not fit in the plan."""
 
     text: str
     minutes: float
@@ -58,10 +59,10 @@ _COMMANDS: tuple[tuple[str, float, tuple[str, ...]], ...] = (
 
 
 def plan_of(seen: Seen) -> list[Recording]:
-    """Plans recordings. The first one is this recording with the sizes that it detects. Then come those that are done
-    within MOST_MINUTES, most information per minute first, then all that would take longer. A view of this room is
-    listed for effects that this recording misses at typical size, or that it detects at a much smaller size. Commands
-    are for effects that no view detects at typical size. Every effect asked about appears once or more."""
+    """Returns the planned recordings. The first is this recording with the sizes that it detects. Then come those that
+    fit in MOST_MINUTES, most information per minute first, then the others. A view of this room is listed for effects
+    that this recording misses at typical size, or that the view detects at a much smaller size. Commands are for
+    effects that no view detects at typical size. Every effect in seen.asked appears at least once."""
     this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, OF_A_UNIT)) for text, turn_deg in _VIEWS
@@ -95,8 +96,8 @@ def plan_of(seen: Seen) -> list[Recording]:
 
 
 def _chances(seen: Seen, tells: Mapping[str, Sizes | None]) -> dict[str, float]:
-    """Returns {effect: probability that it is told, if it is there}. Sizes are normal, with the typical one as
-    deviation; a command tells every size."""
+    """Returns {effect: probability that it is detected if present}. Sizes are normally distributed, with the typical
+    size as standard deviation. A command detects every size."""
     typical = {(e.id, p.name): p.typical for e in seen.asked.values() for p in e.parameters}
     return {
         effect: max(erfc(size / (sqrt(2.0) * typical.get((effect, name), size))) for name, size in sizes.items())
@@ -107,12 +108,13 @@ def _chances(seen: Seen, tells: Mapping[str, Sizes | None]) -> dict[str, float]:
 
 
 def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
-    """Returns the expected number of effects that a recording tells beyond those that are `known`."""
+    """Returns the expected number of effects that a recording detects beyond those detected before. known: {effect:
+    probability that it is detected before}."""
     return sum(max(chance - known.get(effect, 0.0), 0.0) for effect, chance in chances.items())
 
 
 def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
+    """Returns {effect: {parameter: least size that this recording detects}}, also for effects without a column."""
     unsure = {effect: factor for effect, (_, factor) in seen.promised.items()}
     beside = beside_columns(seen.room, seen.light.lens, seen.asked)
     if (lens := falloff(seen.room, seen.asked)) is not None:
@@ -126,9 +128,8 @@ def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
 def _tells(
     seen: Seen, scores: Reduced, spread: Mapping[str, float], unsure: Mapping[str, float] | None = None
 ) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size at which it is named}} for sizes within the parameters' ranges.
-    spread: deviations of good units, as in session_spread(). unsure:
-    {effect: factor on its least sizes}."""
+    """Returns {effect: {parameter: least size at which it is named}}, without sizes beyond the parameters' ranges.
+    spread: as in session_spread(). unsure: {effect: factor on its least sizes}."""
     out: dict[str, Sizes] = {}
     names = {c.name for c in scores.columns}
     for found in judged(scores, session_spread(scores, spread)):
@@ -145,13 +146,14 @@ def _tells(
 
 
 def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
-    """Returns whether all sizes are at most typical, or the effect needs no other recording."""
+    """Returns whether the sizes `told` are all at most typical, or the effect needs no other recording."""
     typical = {p.name: p.typical for p in seen.asked[effect].parameters} if effect in seen.asked else {}
     return effect in _NEEDS_NO_MORE or all(size <= typical.get(name, np.inf) for name, size in told.items())
 
 
 def plan_text(plan: Sequence[Recording]) -> str:
-    """Returns a plan as text, one line for each recording, with its minutes and those until it is done."""
+    """Returns a plan as text. Each line holds one recording, its minutes, and the minutes from the plan's start to its
+    end."""
     return "\n".join(
         (f"would take longer: {r.text} ({r.minutes:g} min)" if r.ends is None else
          f"{n}. {r.text} ({r.minutes:g} min, {r.ends:g} in all)") + f": {sizes(r) or 'no effect'}"
@@ -160,7 +162,7 @@ def plan_text(plan: Sequence[Recording]) -> str:
 
 
 def sizes(recording: Recording) -> str:
-    """Returns the effects that a recording detects with their least sizes, as text."""
+    """Returns text that lists the effects that a recording detects, with their least sizes."""
     each = {e: " or ".join(f"{name} {size:.2g}" for name, size in (told or {}).items())
             for e, told in recording.tells.items()}  # fmt: skip
     return ", ".join(f"{effect} from {said}" if said else effect for effect, said in each.items())

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Deviations that good units show: root mean squares of each column fitted alone, over seven sessions of a D415. Both
-terms of radial distortion are fitted together.
+"""The spread of good units: root mean squares of each column's coefficient, fitted alone, over seven sessions of a
+D415. Both terms of radial distortion are fitted together.
 
-Units are those of the parameters. A further effect is named only beyond them. Flicker bands of c cycles over an image
-deviate by a (1 + c^2)th of the value, as six clean rooms show.
+Units are those of the parameters. A further effect is named only beyond this spread. The spread of flicker bands with c
+cycles over an image is the value divided by 1 + c^2, as six clean rooms show.
 """
 
-# For an unknown unit: they include properties of its own lens and electronics.
+# For a unit without reference: these include properties of its own lens and electronics.
 OF_A_UNIT = {
     "focus_mismatch.sigma_px": 0.46,
     "radial_distortion.k1": 0.019,
