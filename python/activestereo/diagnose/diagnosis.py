@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches a capture's train frames for effects that its model lacks, and writes the verdict that the data allow.
+"""Searches a capture's train frames for effects that its model lacks, and reports the verdict that the data allow.
 
 Test frames give the held-out errors of the given model and of the found model. They never choose an effect. If they do
 not confirm a verdict, it becomes `unknown`.
@@ -157,13 +157,14 @@ def diagnose(
     """Diagnoses a capture folder and returns the Diagnosis. Raises CaptureError if the capture cannot be used.
 
     model: the model to start from; of a SensorModel the search uses only the effects. effects: {id: Effect} to choose
-    from, None for the built-in ones. samples_per_pixel: for all renders; None chooses by the image size. progress:
-    called with the fraction done; a Phases that begins with PHASES is told of each phase. rendering: makes a capture's
-    render engine, to which effects of light transport are fitted (diagnose/refit.py). engines: as in compare(), for the
-    held-out errors. binning: the search averages blocks of binning x binning pixels, None for usual_binning(); held-out
-    errors use full-size images. says: called with progress texts: the likeliest effects by one view first, then as in
-    Settings; None skips that first view. reference: captures of the same unit from when it worked well. They are
-    allowed only for rooms that `calibrate world` measured; otherwise ValueError is raised.
+    from, None for the built-in ones. samples_per_pixel: of the path tracer, for the search and the held-out errors;
+    None = usual_samples(). progress: called with the fraction done; a Phases that begins with PHASES is told of each
+    phase. rendering: makes a capture's render engine, to which effects of light transport are fitted
+    (diagnose/refit.py). engines: as in compare(), for the held-out errors. binning: the search averages blocks of
+    binning x binning pixels, None for usual_binning(); held-out errors use full-size images. says: called with progress
+    texts. The first one names the likeliest effects by one view, unless a cached diagnosis answers; further ones are as
+    in Settings. None skips that view. reference: captures of the same unit from when it worked well, only for rooms
+    that `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
     candidates = list(effects.values())

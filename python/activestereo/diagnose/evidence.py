@@ -69,8 +69,8 @@ def _texture_edges(room: np.ndarray) -> np.ndarray:
 def edge_discrepancy(
     observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
 ) -> float:
-    """Returns the standard deviation of edge positions in metres, at most 1.5 mm. It follows from the error at edges of
-    static frames beyond the noise; 0 if there is none."""
+    """Returns the standard deviation of edge positions in metres, limited to _LARGEST_EDGE_DISCREPANCY_M. It follows
+    from the error beyond noise at edges of static frames; 0 if there is none."""
     excess = slopes = 0.0
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:

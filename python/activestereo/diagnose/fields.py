@@ -60,7 +60,7 @@ def lever_image(lever: Lever, frame: Frame, expected: np.ndarray, projector: np.
 
 
 def draws_growth(effect: Effect, errors: ImageErrors, black_dn: float) -> float:
-    """Returns the ratio of the squared errors that an effect's draws leave on test frames and on train frames."""
+    """Returns the ratio of test to train frames in the squared error, DN^2, that an effect's draws leave."""
     growth = []
     for term in effect.random_terms:
         squares: dict[str, list[float]] = {}

@@ -137,8 +137,7 @@ def _sharpness(room: Room, view: int, exponent: float) -> tuple[Image, Image]:
 
 
 def _spread(room: Room, at: tuple[NDArray[np.int64], ...], value: Image) -> Image:
-    """Returns an image [height][width] of the local mean of values at pixels `at` (row, column), NaN far from all of
-    them."""
+    """Returns the local mean of values at pixels (row, column), [height][width]; NaN far from all of them."""
     total, count = np.zeros(room.shape, np.float32), np.zeros(room.shape, np.float32)
     np.add.at(total, at, value)
     np.add.at(count, at, 1.0)

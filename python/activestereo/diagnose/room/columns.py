@@ -243,9 +243,8 @@ def _difference(effect: Effect, p: Parameter, value: float, views: list[View], b
 
 
 def _flow_of(effect: Effect, p: Parameter, value: float, share: float, views: list[View]) -> Flow:
-    """Returns a function from an image's index to the displacement field of a warp effect. It applies the effect to
-    images whose values are each pixel's own column or row. value: of parameter p. share: value over its typical
-    value."""
+    """Returns a function from an image's index to the displacement field of a warp. It applies the effect to images
+    that hold each pixel's own column or row. value: of parameter p. share: value over its typical value."""
 
     @cache
     def flow(k: int) -> tuple[Image, Image]:
@@ -328,9 +327,8 @@ def pedestals(room: Room, effects: Mapping[str, Effect]) -> list[Column]:
 def alternatives(
     room: Room, light: RoomLight, effects: Mapping[str, Effect]
 ) -> dict[str, dict[tuple[float, ...], list[Column]]]:
-    """Returns {effect: {alternative: its columns}} for effects with a parameter that must be searched. For lamp flicker
-    it is the period in rows of the full-size image. For a ghost it is the angles of its pane to the sensor, in degrees
-    about y and x."""
+    """Returns {effect: {alternative: its columns}} for effects with a parameter to search: for lamp flicker the period
+    in rows of the full-size image, for a ghost the angles of its pane to the sensor, degrees about y and x."""
     each = {_PERIODIC: lambda effect: _waves(room, effect), _GHOST: lambda effect: _ghosts(room, light, effect)}
     return {name: found(effects[name]) for name, found in each.items() if name in effects}
 

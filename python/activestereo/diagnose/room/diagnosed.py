@@ -240,8 +240,7 @@ def _entry(found: Found) -> dict[str, Any]:
 
 
 def _probabilities(names: Names, added: Sequence[str]) -> dict[str, Any]:
-    """Returns `probabilities` of diagnose.json, computed from the evidence beyond the threshold for naming an
-    effect."""
+    """Returns `probabilities` of diagnose.json, from the evidence beyond the threshold for naming an effect."""
     odds = np.exp(max((min(f.nats, 500.0) - NEEDED for f in names.ranking), default=-np.inf))
     first = names.named[0].members if names.named else {}
     named = {name: float(odds / (1.0 + odds)) * p for name, p in first.items()}
@@ -260,9 +259,8 @@ def _next(names: Names) -> list[dict[str, Any]]:
 
 
 def _unseen(seen: Seen, given: Model, accepted: Model) -> list[tuple[Unseen, Unseen]]:
-    """Returns a prediction of each held-out view (of every view, if none is held out) from the other views, as a pair
-    under both models. Only effects that are alike in all views are applied. Views that no other view sees are left
-    out."""
+    """Returns each held-out view (every view, if none is held out) predicted from the other views, as a pair under both
+    models. Only effects alike in all views are applied. Views that no other view sees are left out."""
     room = seen.room
     test = [f.id for f in room.capture.split("test") if f.depth_path is not None]
     whole = room if not test else Room(room.capture, [*(f.id for f in room.frames), *test])

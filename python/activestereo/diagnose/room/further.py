@@ -26,9 +26,8 @@ _SAME_TURN_RAD, _SAME_PLACE_M, _LEAST_SHARED = 0.05, 0.05, 0.05
 
 
 def with_turned_view(room: Room, light: RoomLight, turn_deg: tuple[float, float, float]) -> Room:
-    """Returns a room with a simulated view: the first one, its cameras turned by turn_deg about their x, y and z axes.
-    If all angles are 0, it stands for a session of the good camera. Light and dots are the estimated ones, without
-    noise."""
+    """Returns a room with a simulated view: the first one, its cameras turned by turn_deg about their x, y, z axes.
+    With no turn it stands for a session of the good camera. Light and dots are the estimated ones, without noise."""
     x, y, z = (cv2.Rodrigues(np.radians(turn_deg[i]) * np.eye(3)[i])[0] for i in range(3))
     turned = np.eye(4)
     turned[:3, :3] = np.linalg.inv(z @ y @ x)
@@ -39,8 +38,7 @@ def with_turned_view(room: Room, light: RoomLight, turn_deg: tuple[float, float,
 
 
 def _turned(room: Room, light: RoomLight, k: int, turn: NDArray[np.float64]) -> RoomImage:
-    """Simulates an image of image k's camera after a turn. turn: rotation from the turned camera's axes to its old
-    ones."""
+    """Simulates image k after a turn of its camera. turn: rotation from the turned camera's axes to its old ones."""
     old = room.images[k]
     rays = np.stack([*old.rays(), np.ones(room.shape)], axis=-1) @ turn.T
     ahead = np.where(rays[..., 2] > 0.1, rays[..., 2], np.nan)
@@ -59,8 +57,8 @@ def _turned(room: Room, light: RoomLight, k: int, turn: NDArray[np.float64]) -> 
 
 def room_beside(room: Room, good: Room) -> Room | None:
     """Joins a room with a session of the good camera, whose views follow the room's. Returns None unless their first
-    views have about the same pose and share enough pixels. The result has the good session's capture, since a flaw in
-    the camera under test, such as a soft response, distorts its own black level and falloff."""
+    views have about the same pose and share enough pixels. The result has the good session's capture. A flaw in the
+    camera under test, such as a soft response, would distort its black level and falloff."""
     rng = np.random.default_rng(0)
     first, second = (_surface(session, rng) for session in (good, room))
     overlap = find_overlap(0, 1, first, second, room.capture.rig.left.K)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates the expected light in every image of a room, as the mean over all images that see a surface, scaled to each
-image's exposure and lens falloff."""
+"""Estimates the expected light in every image of a room: the mean over all images that see a surface, at each image's
+exposure and lens falloff."""
 
 from __future__ import annotations
 

@@ -212,8 +212,8 @@ def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], asked: Mapping[str, Effect]
 ) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
     """Returns ({effect: its likeliest alternative in the slow band}, Seen.promised). still: nuisance columns fitted
-    too. Good units flicker as well. The likeliest alternative is therefore compared with no flicker at all: weak
-    flicker at a wrong period would pass for a black level."""
+    too. Alternatives are compared by their likelihood against no flicker at all, not against the flicker of good units:
+    weak flicker at a wrong period would pass for a black level."""
     searched = alternatives(room, light, asked)
     if not searched:
         return {}, {}

@@ -61,8 +61,8 @@ _COMMANDS: tuple[tuple[str, float, tuple[str, ...]], ...] = (
 def plan_of(seen: Seen) -> list[Recording]:
     """Returns the planned recordings. The first is this recording with the sizes that it detects. Then come those that
     fit in MOST_MINUTES, most information per minute first, then the others. A view of this room is listed for effects
-    that this recording misses at typical size, or that the view detects at a much smaller size. Commands are for
-    effects that no view detects at typical size. Every effect in seen.asked appears at least once."""
+    that this recording misses at typical size, or that the view detects much smaller. Commands are for effects that no
+    view detects at typical size. Every effect in seen.asked appears at least once."""
     this = detectable_sizes(seen)
     now = {effect for effect, told in this.items() if _is_usual(seen, effect, told)}
     offers = [(text, 1.0, _tells(seen, r, OF_A_UNIT)) for text, turn_deg in _VIEWS
@@ -108,8 +108,7 @@ def _chances(seen: Seen, tells: Mapping[str, Sizes | None]) -> dict[str, float]:
 
 
 def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
-    """Returns the expected number of effects that a recording detects beyond those detected before. known: {effect:
-    probability that it is detected before}."""
+    """Returns the expected number of effects that a recording detects beyond the chances `known` before it."""
     return sum(max(chance - known.get(effect, 0.0), 0.0) for effect, chance in chances.items())
 
 
@@ -152,8 +151,7 @@ def _is_usual(seen: Seen, effect: str, told: Sizes) -> bool:
 
 
 def plan_text(plan: Sequence[Recording]) -> str:
-    """Returns a plan as text. Each line holds one recording, its minutes, and the minutes from the plan's start to its
-    end."""
+    """Returns a plan as text: for each recording a line with its minutes and the plan's minutes until its end."""
     return "\n".join(
         (f"would take longer: {r.text} ({r.minutes:g} min)" if r.ends is None else
          f"{n}. {r.text} ({r.minutes:g} min, {r.ends:g} in all)") + f": {sizes(r) or 'no effect'}"
