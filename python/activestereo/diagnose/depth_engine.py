@@ -71,9 +71,9 @@ class DepthFinding:
 
 @dataclass(frozen=True)
 class Depth:
-    """The judgement of a depth engine. findings: named effects first, then by gain; empty without device depth.
-    images_agree: whether the model explains the infrared images. If not, no effect is named, because the device matched
-    these images."""
+    """The judgement of a depth engine. findings: named effects first, then by gain; empty if there is no depth.
+    images_agree: whether the model explains the infrared images. If not, no effect is named, because the device's
+    engine matched these images."""
 
     findings: tuple[DepthFinding, ...]
     images_agree: bool
@@ -163,7 +163,7 @@ class _DepthFrame:
         return np.where(image > 0, self.focal_baseline / np.maximum(image, 1e-9), 0.0)
 
     def filtered(self, effect: Effect, values: np.ndarray) -> np.ndarray:
-        """Returns our engine's disparity errors after an effect, px [height][width]."""
+        """Returns our engine's errors after an effect, px [height][width]."""
         moved = self.applied(effect, values, np.where(self.valid, self.truth + self.engine[0], 0.0))
         known = self.valid if effect.stage is Stage.DISPARITY else self.valid & (moved > 0)
         return np.where(known, moved - self.truth, 0.0)
@@ -334,8 +334,8 @@ def _leading(effect: Effect, value: float) -> np.ndarray:
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
-    """Returns the part of a log-likelihood gain that errors of the measured poses may explain instead. offset_px: the
-    fitted displacements. pose_error_px: standard deviation of displacements due to pose errors."""
+    """Returns the part of a log-likelihood gain that errors of the measured poses may explain instead. offset_px:
+    fitted displacement. pose_error_px: standard deviation of the displacements that pose errors cause."""
     gained = 2.0 * max(nats, 0.0) * pose_error_px**2
     return float(nats * gained / (gained + (offset_px**2).sum())) if gained > 0 else 0.0
 

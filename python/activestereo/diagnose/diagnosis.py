@@ -93,8 +93,7 @@ class Diagnosis:
     unseen: tuple[Unseen, Unseen] | None = None
 
     def predictions(self) -> dict[ImageKey, NDArray[np.float32]]:
-        """Returns {(frame id, side): DN [height][width]} as model.json predicts them; empty if no images were
-        judged."""
+        """Returns {(frame id, side): DN [height][width]} as model.json expects them; empty if no images were judged."""
         return {} if self.after is None else self.after.predictions
 
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:

@@ -102,7 +102,7 @@ class Observation(MeasuredImage):
     pick: np.ndarray | None = None
 
     def picked(self) -> np.ndarray | slice:
-        """Returns the index that selects the pixels that count from a flattened image."""
+        """Returns the index that takes the pixels that count from a flat image."""
         return slice(None) if self.pick is None else self.pick
 
     @property

@@ -394,6 +394,6 @@ def _corrected(
 
 
 def _leave_one_out_sums(row: _Row, rows: Sequence[_Row], totals: np.ndarray) -> np.ndarray:
-    """Returns the sums (a, b) over all groups of frames except the image's own group, [2][draw]. totals: the sums over
-    all groups."""
+    """Returns the sums (a, b) of all groups of frames except the image's own, [2][draw]. totals: the sums of all
+    groups."""
     return totals - np.sum([other.sums(totals.shape[1]) for other in rows if other.group == row.group], axis=0)

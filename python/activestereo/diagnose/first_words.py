@@ -19,7 +19,7 @@ _NAMES = 3  # most effects that the clause names
 
 
 def richest_view(capture: Capture) -> Capture:
-    """Returns the capture with the train frames of one pose only, the pose with the most different settings."""
+    """Returns the capture with the train frames of one pose alone, the one with the most settings."""
     views: dict[tuple[bytes, bool], list[Frame]] = {}
     for f in capture.split("train"):
         views.setdefault((f.camera_to_world.tobytes(), f.is_moving), []).append(f)

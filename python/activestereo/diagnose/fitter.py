@@ -354,8 +354,8 @@ class Fitter:
     def refine(
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
-        """Fits from a start (theta, phi); returns the Solution. The fit stops after `iterations`, or when chi2 falls by
-        less than a fraction `tolerance`."""
+        """Fits from a start (theta, phi); returns the Solution. It stops after `iterations`, or when chi2 falls by less
+        than a share `tolerance`."""
         make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
         found = self.remembered(make, space, theta, phi, iterations, tolerance)
         return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))

@@ -58,8 +58,8 @@ Render = Callable[[Capture], LayersOfFrames]
 
 
 def coarse(o: Observation, sigma_px: float) -> Observation:
-    """Returns the observation with a Gaussian blur of measured image, lights and slopes. Only every sigma_px-th pixel
-    of every sigma_px-th row counts."""
+    """Returns the observation under a Gaussian blur of measured image, lights and slopes. Of the pixels, only every
+    sigma_px-th of every sigma_px-th row counts."""
     known = o.view.known
     share: np.ndarray | float = 1.0 if known is None else np.maximum(blur(known.astype(np.float32), sigma_px), _LEAST)
 

@@ -38,8 +38,8 @@ _RIDGE = 0.05
 
 
 def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
-    """Returns the variance of the tiles' chi2 relative to that for independent normal pixels; at least 1. The number of
-    pixels divided by it is the effective number of independent pixels. tile_chi2, tile_pixels: [tile]."""
+    """Returns the variance of the tiles' chi2 over its variance for independent normal pixels; at least 1. The number
+    of pixels divided by it is the effective number of independent pixels. tile_chi2, tile_pixels: [tile]."""
     full = tile_pixels > 0.5 * tile_pixels.max()
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
@@ -179,8 +179,8 @@ def _cut(values: np.ndarray) -> np.ndarray:
 def _ridge_fit(gram: np.ndarray, x: np.ndarray, target: np.ndarray, norm: np.ndarray) -> np.ndarray:
     """Fits a ridge regression in each tile; returns coefficients [tile][column].
 
-    norm: scale of the columns, [tile][column], the same for both halves. The ridge is a share of a half's mean
-    information on a column. A half that hardly shows a column, such as an edge in the other half, so gets a small
+    norm: of the columns, [tile][column], the same for both halves. The ridge is a part of a half's mean information on
+    a column. A half that hardly shows a column (an edge that lies in the other half) therefore gets a small
     coefficient.
     """
     scaled = gram / (norm[:, :, None] * norm[:, None, :]) + _RIDGE * np.eye(x.shape[2])

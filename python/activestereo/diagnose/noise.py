@@ -51,8 +51,8 @@ class NoiseTerm:
 def noise_terms(
     evidence: Evidence, given: Model, effects: Sequence[Effect], numbers: Numbers
 ) -> tuple[dict[str, NoiseTerm], dict[str, str]]:
-    """Fits all effects of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
-    judged on repeated frames, and coarse digital steps on the histogram of DN. given: the model, which may state its
+    """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
+    judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
     noise."""
     floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
     for effect in effects:

@@ -19,9 +19,10 @@ Fields = dict[str, tuple[float, FieldFit]]
 
 @dataclass(frozen=True)
 class Round:
-    """The results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits. chi2,
-    structure: of the residual before the round. members: {effect: probability} of the effects that fit alike. gain:
-    fall of chi2 by the best effect. floor, chance: the falls that it must exceed. These three are shares of chi2."""
+    """Holds the results of one round of the search, by effect id: candidates (scores), fields (random fields) and fits.
+    chi2, structure: of the residual before the round. members: {effect: probability} of the effects that fit alike.
+    gain: fall of chi2 by the best effect; floor, chance: the falls that it must exceed. All three are shares of
+    chi2."""
 
     candidates: dict[str, Candidate]
     fields: Fields

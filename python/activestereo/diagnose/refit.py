@@ -259,7 +259,7 @@ def _name(space: ParameterSpace) -> str:
 def _side_by_side(
     fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
 ) -> dict[str, Refit]:
-    """Fits every space; returns {effect: Refit}. Fits that the cache can keep run in `workers` processes."""
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes."""
     if fitter.memory is not None:
         fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
     return {_name(space): Refit(fit(space)) for space in spaces}
@@ -273,8 +273,8 @@ def _from_starts(
     base_chi2: float,
 ) -> Solution:
     """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
-    promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks. Each
-    fit begins at nuisances fitted to its start, since far from them a step may fail. base_chi2: chi2 at neutral."""
+    the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
+    Each fit begins at the nuisances of its start: far from them a step may fail. base_chi2: chi2 at neutral."""
     effect = space.pairs[-1][0]
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]

@@ -291,7 +291,7 @@ class Search:
             self._widen_set(inexact, [id for id in self._members(left, fits) if id not in inexact.members])
 
     def _widen_set(self, name: Name, more: Sequence[str]) -> None:
-        """Adds effects to a name's set. Together they get the probability 1 - Numbers.credible."""
+        """Adds effects to a name's set; together they get the probability 1 - Numbers.credible."""
         if more:
             added = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
@@ -442,7 +442,7 @@ class Search:
         return fit
 
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
-        """Subtracts predicted images from the measured ones. drawn: {image key: DN [height][width]}."""
+        """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
         self._use_evidence(self._less_draws(self._evidence, drawn))
 

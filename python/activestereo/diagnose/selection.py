@@ -129,7 +129,7 @@ def _hit(atom: Atom, scores: Scores, temper: float, surfaces: tuple[int, ...] | 
 
 
 def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequence[bool]) -> tuple[list[int], float]:
-    """Returns (indices of the nonzero coefficients, fall of chi2) of the best fit with the signs allowed."""
+    """Returns (indices of the coefficients that are not 0, fall of chi2) of the best fit with the signs allowed."""
     free = [j for j in range(len(u)) if S[j, j] > _LEAST]
     while free:
         ridge = 1e-6 * np.diag(np.diag(S)[free])

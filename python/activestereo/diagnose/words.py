@@ -113,7 +113,7 @@ def headline(result: Mapping[str, Any]) -> str:
 
 
 def geometry_words(result: Mapping[str, Any]) -> list[str]:
-    """Returns sentences on geometry and albedos that differ from the stated ones. Several views share one sentence."""
+    """Returns sentences on geometry and albedos that differ from the capture's; several views share one sentence."""
     entries = result.get("geometry", [])
     views = [entry for entry in entries if entry["what"] == "view"]
     said = [entry["text"] for entry in entries if entry["what"] != "view" or len(views) == 1]
@@ -206,8 +206,8 @@ def ranking_figure(result: Mapping[str, Any]) -> Figure:
 
 
 def html_of(result: Mapping[str, Any]) -> str:
-    """Returns HTML with the verdict, the first rows of the ranking and the next steps. result: contents of
-    diagnose.json."""
+    """Returns HTML with the verdict, the first rows of the ranking and the next steps. result: diagnose.json's
+    contents."""
     rows = [
         [
             text(entry["effect"]),

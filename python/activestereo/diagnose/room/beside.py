@@ -98,9 +98,8 @@ def row_variance(room: Room) -> tuple[float, float]:
 
 
 def _drops(effect: Effect, room: Room, exponent: float) -> Found | None:
-    """Returns evidence of drops or dirt on a camera's window, None if it is too weak. They stay in place while the rig
-    turns, and the view's other camera sees the same dots sharp. The parameter is the blur averaged over the image,
-    px."""
+    """Returns evidence of drops or dirt on a camera's window, None if it is too small. They stay while the rig turns,
+    and the view's other camera sees the same dots sharp. The parameter is the blur averaged over the image, px."""
     maps = zip(*(_sharpness(room, view, exponent) for view in range(room.views)), strict=True)
     blurred = []  # (share of the image, how far its worst place lies below the median sharpness, camera)
     for side, each in zip(SIDES, map(np.stack, maps), strict=True):

@@ -184,8 +184,8 @@ def _sum_tiles(
     blocks: Sequence[Block], weights: Sequence[NDArray[np.float32]], information: NDArray[np.float64],
     score: NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """Writes each tile's information [tile][c][c] and score [tile][c], summed over its cells, into the arrays. weights:
-    [image][cell] of each block."""
+    """Writes each tile's information [tile][c][c] and score [tile][c], summed over its cells, into the arrays given.
+    weights: [image][cell] of each block."""
     for b, w in zip(blocks, weights, strict=True):
         z = _projected(np.concatenate([b.residual[None], b.columns]), w, b.gain)
         order = np.argsort(b.tile, kind="stable")

@@ -230,7 +230,7 @@ def _differs(change: Change, image: Image) -> bool:
 
 
 def is_alike_in_views(effect: Effect) -> bool:
-    """Returns whether an effect in the camera changes all views by the same law, without randomness."""
+    """Returns whether an effect in the camera changes all views by one law, without chance."""
     if effect.id in (_PERIODIC, "black_level"):
         return False
     own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE

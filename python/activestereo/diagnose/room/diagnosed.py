@@ -111,7 +111,7 @@ def _room_of(reference: Capture, capture: Capture) -> Room:
 
 
 def _other_unit(reference: Capture, capture: Capture) -> str:
-    """Returns the reason why two measured rooms cannot be of one camera; "" if they can."""
+    """Returns the reason why two measured rooms cannot be of one camera; an empty text if they can."""
     cameras = [c.measured.get("camera", {}) for c in (reference, capture)]
     told = [(np.array(c["f_cx_cy_px"]), np.array(c["covariance_px2"])) for c in cameras if c.get("covariance_px2")]
     if len(told) == 2:
@@ -208,7 +208,7 @@ def in_own_units(found: Found, seen: Seen) -> Found:
 
 
 def _beyond(found: Found) -> str:
-    """Returns a clause on a parameter that lies outside its range by more than its error; "" if there is none."""
+    """Returns a clause on a parameter that lies outside its range by more than its error; empty if none does."""
     for p in found.effect.parameters:
         value, deviation = found.parameters.get(p.name, (p.neutral, 0.0))
         if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
@@ -217,7 +217,7 @@ def _beyond(found: Found) -> str:
 
 
 def _others(names: Names) -> list[Found]:
-    """Returns the effects that were judged but not named, likeliest first."""
+    """Returns the effects that were not named, likeliest first."""
     named = {f.effect.id for f in names.named}
     rest = [in_own_units(f, names.seen) for f in names.ranking if f.effect.id not in named]
     return [replace(f, nats=max(f.nats, 0.0), finding="") for f in rest]

@@ -30,9 +30,9 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reduced:
-    """The scores of selected columns, which are derivatives of the log-likelihood by their coefficients. All other
-    columns are projected out. score [c]; information and covariance of the score [c][c]; prior covariance of the
-    coefficients [c][c]."""
+    """Holds the scores of selected columns: derivatives of the log-likelihood by their coefficients. All other columns
+    are projected out. score [c]; information and covariance of the score [c][c]; prior covariance of the coefficients
+    [c][c]."""
 
     columns: tuple[Column, ...]
     score: Matrix
@@ -133,8 +133,8 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
 
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Returns the sets of columns by which an effect may act: those of each parameter alone, without a bend, then
-    all."""
+    """Returns the sets of columns by which an effect may show: those of each parameter alone, without a bend, then all
+    together."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
     alone = [np.array([j for j in own if columns[j].parameter == p and not _is_bend(columns[j])]) for p in parameters]
     return alone if len(alone[0]) == len(own) else [*alone, own]
@@ -146,8 +146,8 @@ def _is_bend(column: Column) -> bool:
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
-    """Returns the prior variances [c] of all coefficients if an effect acts through the columns `own`, 0 for other
-    columns."""
+    """Returns the prior variances [c] of all coefficients if an effect acts through the columns `own`; 0 for the
+    others."""
     out = np.zeros(len(columns))
     out[own] = [columns[j].sd ** 2 for j in own]
     return out

@@ -113,7 +113,7 @@ def _gain(chances: Mapping[str, float], known: Mapping[str, float]) -> float:
 
 
 def detectable_sizes(seen: Seen) -> dict[str, Sizes]:
-    """Returns {effect: {parameter: least size that this recording detects}}, also for effects without a column."""
+    """Returns {effect: {parameter: least size that this recording detects}}, effects without a column included."""
     unsure = {effect: factor for effect, (_, factor) in seen.promised.items()}
     beside = beside_columns(seen.room, seen.light.lens, seen.asked)
     if (lens := falloff(seen.room, seen.asked)) is not None:
