@@ -40,7 +40,7 @@ _LADDER = np.linspace(0.4, 2.0, 5)
 _ROUGH_SHARE = 0.7
 # Nodes, in deviations, and weights of Gauss and Hermite's rule for a normal mean.
 _NODES = ((-np.sqrt(3.0), 1 / 6), (0.0, 2 / 3), (np.sqrt(3.0), 1 / 6))
-# A fault improves more than this share of the frames.
+# An effect is named only if it improves more than this share of the frames.
 _MOST_FRAMES = 0.5
 
 

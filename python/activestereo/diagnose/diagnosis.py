@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from activestereo.diagnose.room.unseen import Unseen
     from activestereo.effects.engines import CaptureRenderer
 
-_BASE_SHARE = 0.4  # of the last phase
+_BASE_SHARE = 0.4  # of the last phase's progress: rendering the base model's light
 _NO_FIGURES: dict[str, Any] = {
     **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
     "heldout_noise_floor": None,
@@ -224,7 +224,7 @@ def diagnose(
         accepted = complete.bound(surface_names(whole.scene_path))
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
 
-    def look(tell: Callable[[str], object]) -> None:  # what it holds of the view goes with it
+    def look(tell: Callable[[str], object]) -> None:  # a function, so that the view's memory is freed at its end
         view = richest_view(capture)
         near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
         with suppress(ValueError):  # all of one view may be dark or clipped

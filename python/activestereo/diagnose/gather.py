@@ -29,7 +29,7 @@ from activestereo.diagnose.geometry import Geometry, focal_slopes, geometry_slop
 from activestereo.effects import Model, View
 from activestereo.effects.core.surfaces import scene_surfaces
 
-# Noise if neither repeats nor the two cameras tell it: the paper's gamma speckle (k = 60) and a read noise of 1 DN. It
+# Noise if neither repeats nor the two cameras show it: the paper's gamma speckle (k = 60) and a read noise of 1 DN. It
 # never leads to a named effect.
 _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 # A material that covers less than this share of the train frames has no albedo nuisance.

@@ -41,7 +41,7 @@ from activestereo.effects.core.descriptor import Channel, CodeSteps
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score. A fit gains at most
 # _LINE_SHORT times its score. If that exceeds _CLEAR times the needed gain, random fields need no check.
 _FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
-# Effects lead the first look if one shape gains this part of the best one's gain.
+# look() scores all shapes of the effects whose first shape gains more than this share of the best gain.
 _LEADS = 0.1
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4

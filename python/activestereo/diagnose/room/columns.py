@@ -39,7 +39,7 @@ _CYCLES = tuple(0.4 + 0.2 * k for k in range(21))
 _PERIODIC, _GHOST = "flicker_banding", "lens_ghost"
 # A pane that stands off the axis by these angles moves its ghost by twice as much; rooms' slow light tells half of one.
 _PANE_DEG = (-1.5, -0.75, 0.0, 0.75, 1.5)
-# Logarithm of the number of alternatives that are searched for an effect.
+# Penalty in nats for a search: logarithm of an effect's number of alternatives.
 LOOKED = {_PERIODIC: float(np.log(len(_CYCLES))), _GHOST: 2.0 * float(np.log(len(_PANE_DEG)))}
 _TONE = "response_gamma"
 _SATURATION = 2.0  # a quadratic law would miss half of what a soft response does to bright rooms

@@ -21,10 +21,10 @@ from activestereo.effects import Effect
 
 # Nats that an effect needs to be named.
 NEEDED = 4.5
-# Share of V that comes from the tiles' scatter: only a few dozen of them tell it.
+# Share of V that comes from the tiles' scatter, which is uncertain: there are only a few dozen tiles.
 _BY_TILES, _INFLATED = 0.7, 1.5
 _RIDGE = 1e-9
-ONE_SIDED = 1.0  # five of six recordings fall short by fewer deviations
+ONE_SIDED = 1.0  # deviations: five of six recordings fall short by less
 Matrix = NDArray[np.float64]
 
 
