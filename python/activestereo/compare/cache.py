@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps rendered layers on disk under a hash of everything that decides them, so that a second run on a capture traces
-no ray.
+"""Caches rendered layers and other arrays on disk as `<key>.npz`. The key is a hash of everything that decides the
+arrays, so a second run on a capture renders nothing.
 
-Entries are complete or absent (written aside, then renamed), so that parallel runs may share one folder.
+A file is complete or absent (written under another name, then renamed), so parallel runs may share one folder.
 """
 
 import os
@@ -24,7 +24,7 @@ _LIMIT_VARIABLE = "ACTIVESTEREO_CACHE_GB"
 
 
 def default_cache_folder() -> Path:
-    """Returns the folder in ACTIVESTEREO_CACHE, else one in the user's cache folder."""
+    """Returns the folder named by ACTIVESTEREO_CACHE, else `activestereo/layers` in the user's cache folder."""
     own = os.environ.get("ACTIVESTEREO_CACHE")
     if own:
         return Path(own)
@@ -69,7 +69,7 @@ class LayerCache:
             return None
 
     def put(self, key: str, layers: tuple[Layers, ...]) -> None:
-        """Stores the layers as they were rendered, without supersampled images."""
+        """Stores the layers, one Layers per camera. Their `supersampled` must be None."""
         arrays = {f"{f.name}_{i}": getattr(view, f.name) for i, view in enumerate(layers) for f in fields(Layers)}
         arrays = {name: array for name, array in arrays.items() if array is not None}
         self.put_arrays(key, arrays | {"count": np.array(len(layers))})
@@ -117,7 +117,7 @@ class LayerCache:
         return f"cache: {self.used_bytes() / 1e9:.2f} of {self.limit_bytes / 1e9:g} GB in {self.folder}"
 
     def _entries(self) -> list[tuple[float, int, Path]]:
-        """Returns (seconds since 1970 of its last use, bytes, path) of each file, the last used one first."""
+        """Returns (time of last use in seconds since 1970, bytes, path) of each file, the latest used first."""
         found = []
         for path in self.folder.glob("*.npz"):
             with suppress(OSError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Determines which image of an infrared pair is the left camera's, and whether both images' rows match. It finds
+"""Checks which image of an infrared pair is the left camera's, and whether the rows of both images match. It finds
 patches of the first image in the second one, and needs no calibration."""
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _PATCH_PX, _ROWS_PX = 25, 6
 _DISPARITY_SHARE = 0.25  # share of the image's width, as for a D435 at 0.2 m
 _MOST_PATCHES, _LEAST_PATCHES = 240, 30
 _LEAST_CORRELATION = 0.7
-# A patch of an edge is found all along the edge, on any row. So elsewhere in its rows a patch must fit worse by this.
+# A patch on an edge matches all along the edge. So columns more than _BESIDE_PX away must correlate less by _CLEARLY.
 _CLEARLY, _BESIDE_PX = 0.03, 8
 # A pair is swapped if more than this share of patches lies further right in the second image; noise alone gives half.
 _SWAPPED = 0.8
@@ -25,10 +25,10 @@ _SWAPPED = 0.8
 
 @dataclass(frozen=True)
 class CameraOrder:
-    """Tells whether a pair's images are exchanged and its rows match. patches: number of patches of one image found in
-    the other. nearer_right: share of them that lie further right in the right image than any surface allows: large if
-    the images are exchanged. row_offset_px: median of (row in the right image - row in the left one). row_spread_px:
-    half the width of the middle 68 % of that difference."""
+    """The result of camera_order(). patches: number of patches of the left image that were found in the right image.
+    nearer_right: share of these with a negative disparity, which no surface has; large if the images are exchanged.
+    row_offset_px: median of (row in the right image - row in the left one). row_spread_px: half the width of the middle
+    68 % of that difference."""
 
     patches: int
     nearer_right: float
@@ -48,7 +48,7 @@ def camera_order(
     pairs: Sequence[tuple[NDArray[np.generic], NDArray[np.generic]]], offset_px: float = 0.0
 ) -> CameraOrder:
     """Computes the CameraOrder of pairs (left, right), images [height][width] of one size. offset_px: cx of the right
-    camera less cx of the left one, by which infinitely far things lie further right."""
+    camera minus cx of the left one; infinitely far points are shifted by it."""
     shifts = []  # how far a patch lies further right and lower in the right image, pixels
     for pair in pairs:
         a, b = (np.ascontiguousarray(image, np.float32) for image in pair)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the simulator with a capture: renders its poses, fits the nuisances on the train frames, scores both splits,
-and finds the train frames' pixels at which the model fails.
+"""Compares the simulator with a capture. Renders the capture's poses and fits the nuisances on the train frames.
+Computes the errors of train and test frames, and finds which pixels of the train frames the model gets wrong.
 
 compare() computes; report/ writes compare.json and report.html.
 """
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
     from activestereo.effects.engines.capture_renderer import CaptureRenderer
 
 
-# Each phase's seconds, fixed and per megapixel of infrared images, on two cores: a guess for a first run.
+# The phases' names, and the seconds that each takes on two cores: a guess for a first run.
 RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
 PHASES = {RENDERING: 60.0, PREDICTING: 10.0, LOOKING: 20.0}  # seconds of twelve frames of 424x240
 
 
 @dataclass(frozen=True)
 class Comparison(ImageErrors):
-    """The result of compare(): expected images, which exclude the renderer's own noise, and what they tell. scores:
-    compare.json's contents (report/schema/compare.schema.json). depths: a DepthFrame for each frame with the device's
-    depth."""
+    """The result of compare(): the model's expected images, their errors without the renderer's noise, and all scores.
+    scores: the content of compare.json (report/schema/compare.schema.json). depths: a DepthFrame for each frame with
+    the device's depth."""
 
     scores: dict[str, Any]
     depths: list[DepthFrame]
@@ -68,7 +68,7 @@ class Comparison(ImageErrors):
 
 @dataclass(frozen=True)
 class RenderedWith:
-    """The settings with which a comparison's images were rendered. renderer: its version."""
+    """The settings with which a comparison's images were rendered. renderer: the renderer's `version`."""
 
     renderer: str
     samples_per_pixel: int
@@ -83,14 +83,13 @@ def compare(
     engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
     calibrate: Callable[[Capture], Capture] | None = None,
 ) -> Comparison:  # fmt: skip
-    """Compares a capture folder. Raises CaptureError for a capture that cannot be used.
+    """Compares the simulator with the capture in a folder. Raises CaptureError for a capture that cannot be used.
 
-    model: a Model, effects on top of the base renderer; None: none. Expected images are compared, so random effects
-    show in the noise floor alone. renderer: see render.py; None for kuafu on the best device. samples_per_pixel: None
-    for usual_samples(). progress: called as progress(fraction done), or Phases that begin with PHASES. engines: makes a
-    CaptureRenderer, which renders the model's effects; None: effects change images by formulas. scene_measurement: an
-    engines.SceneMeasurement, with known focal lengths and albedos. calibrate: replaces the capture's nominal rig and
-    pattern by measured ones.
+    model: effects on top of the base renderer; None: no effects. Expected images leave out random effects. renderer: a
+    Renderer (render.py); None: kuafu on the best device. samples_per_pixel: None: usual_samples(). progress: called as
+    progress(fraction done), or Phases that begin with PHASES. engines: makes a CaptureRenderer, which renders the
+    model's effects; None: effects change images by formulas. scene_measurement: measured focal lengths and albedos.
+    calibrate: returns the capture with a measured rig and pattern in place of the nominal ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
@@ -151,7 +150,8 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
 
 
 def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int) -> dict[str, Any]:
-    """Returns compare.json's {where: tables, channels: {channel: ...}} of the train frames."""
+    """Returns the entries `where` and `channels` of compare.json: where errors lie, and how large they are. Train
+    frames only."""
     capture, noise_model, maps = errors.capture, errors.noise_model, {}
     images: dict[str, list[ResidualImage]] = {"infrared": [], "disparity": [], "validity": []}
     for frame in capture.split("train"):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the model's depth, and compares the device's depth with it and with the true geometry: error in metres and
-in pixels of disparity, fill, and noise floor.
+"""Computes the model's depth. Compares the device's depth with it and with the scene's geometry: error in metres and in
+pixels of disparity, fill, and noise floor.
 
-simsense matches the predicted pair, with the capture's noise. Two repeats of one depth differ as much as a perfect
-model would from the device: the floor comes from repeated device frames with depth, else from the model's repeats."""
+simsense matches the expected pair after noise is added. The noise floor is the difference between two depth images of
+one view. These are repeated frames of the device, or, without repeats, two noisy runs of the model."""
 
 from __future__ import annotations
 
@@ -45,11 +45,12 @@ def expose(
 
 
 class DepthModel:
-    """Matches pairs by simsense with a capture's nominal calibration. Depth is z in the left camera's frame, metres, 0
-    = none.
+    """Computes depth from image pairs by simsense, with a capture's calibration. Depth is z in the left camera's frame,
+    metres, 0 = no match.
 
-    The capture's depth_engine hints set the engine's parameters of the same names. The rest of the device's matcher is
-    unknown, so the other parameters keep the engine's defaults.
+    The capture's depth_engine hints set the engine's parameters of the same names. The other parameters keep the
+    engine's defaults, because the device's matcher is unknown. Hints that the engine refuses are ignored, with a
+    CaptureWarning.
     """
 
     def __init__(self, capture: Capture) -> None:
@@ -92,7 +93,8 @@ class DepthModel:
 
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns simsense's parameters, set by the capture's depth_engine hints that it knows."""
+    """Returns simsense's parameters: defaults, replaced by the capture's depth_engine hints that are known and
+    numbers."""
     known = {name: hints[name] for name in DEPTH_ENGINE if isinstance(hints.get(name), int | float)}
     parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
     if _MAX_DISPARITY.range is not None:
@@ -101,16 +103,16 @@ def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
     return parameters
 
 
-# Frames of a view until a filter over time has settled: librealsense's takes 0.4 of each new frame, so that after 12
-# frames (1 - 0.4)^12 = 0.2 % of its start are left.
+# Number of frames after which a temporal filter has settled. librealsense's weighs each new frame by 0.4, so that
+# (1 - 0.4)^12 = 0.2 % of the first frame is left after 12 frames.
 SETTLING_FRAMES = 12
 _MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True)
 class DepthFrame:
-    """Depths of one frame, metres [height][width], 0 = none: the device's (measured), two exposures of the model, and
-    the true geometry. focal_baseline: pixels x metres, disparity = focal_baseline / depth."""
+    """Depth images of one frame, metres [height][width], 0 = none. measured: the device's. model: the model's, with two
+    independent draws of noise. truth: the scene's. focal_baseline: px x m; disparity = focal_baseline / depth."""
 
     frame: Frame
     measured: np.ndarray
@@ -173,7 +175,7 @@ def depth_scores(depths: Sequence[DepthFrame]) -> dict[str, dict[str, Any]]:
         chosen = [d for d in depths if d.frame.split == split]
         if chosen:
             groups = by_repeats((d.frame, "left", d) for d in chosen)
-            # Pairs of the device's own depths of one static view.
+            # Pairs of consecutive depth images of the device, of one static view.
             repeats = [(a, a.measured, b.measured) for g in groups for a, b in zip(g, g[1:], strict=False)]
             truth = {
                 "measured": _error([(d, d.measured, d.truth) for d in chosen]),

@@ -2,9 +2,9 @@
 """Tries effects on one small test world: matt bodies on a table before a wall, a moving warm rig. Compares an effect's
 formula with the engines, and makes pictures that show it.
 
-The difference of formula and engine is the root mean square of the difference of their changes, relative to the
-engine's change. Squares are products of two renders with different seeds, so that the renders' noise does not count.
-Formula and engine use the same samples, so that the same pixels clip."""
+Both the formula and the engines change the images. Their difference is the RMS of (engine's change - formula's change),
+relative to the RMS of the engine's change. Squares are products of two renders with different seeds, so that render
+noise cancels. Formula and engine use the same samples, so that the same pixels clip."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ _Change: TypeAlias = Callable[[Model, bool], NDArray[np.float64]]
 
 
 class Trial:
-    """The small test world, rendered with each of two seeds, for all effects. Writes it into a folder."""
+    """Compares effects with the engines in the small test world, rendered with two seeds, whose files lie in
+    `folder`."""
 
     def __init__(self, folder: Path, device: str | int = "auto") -> None:
         capture = trial_capture(folder)
@@ -58,7 +59,7 @@ class Trial:
 
     def difference(self, effect: Effect) -> float:
         """Returns the relative difference between formula and engine for an effect at typical values, on all surfaces.
-        Parameters that the engines determine themselves take the values that fit best."""
+        Parameters that the engines do not take (Parameter.in_engine) get the values at which the formula fits best."""
         if all(name.startswith(("signal.", "speckle")) for name in effect.engine_fields):
             return 0.0  # simsense's signal counts in both
         # Effects with a random pattern draw it from the seed, so they compare images of one seed.
@@ -83,7 +84,7 @@ class Trial:
 
 
 def _change_of(capture: Capture, folder: Path, device: str | int, seed: int) -> _Change:
-    """Renders the small test world with one seed."""
+    """Renders the small test world with one seed; returns the function that computes a model's change."""
     engine, cache = CaptureRenderer(device, _SAMPLES, _BOUNCES, seed, traced=True), LayerCache(folder / "cache")
     layers = render_frames(capture, engine, _SAMPLES, _BOUNCES, seed=seed, cache=cache, scale=WARP_SCALE)
     views = {(f.id, side): View.of(capture, f, side, layers[f.id][side]) for f in capture.frames for side in SIDES}
@@ -162,12 +163,12 @@ def trial_capture(folder: Path, scale: float = 1.0) -> Capture:
     return Capture(folder, "trial", scene, rig, frames)
 
 
-# The right image, because effects that act between the cameras move this one.
+# The pictures show the right camera, because effects on the camera geometry move its image.
 _SIDE = "right"
 _SCALE = 2.0
 _STRIP_SAMPLES = 128
 _STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-# In three times this light the dots fill their pixels.
+# Three times as much light as _NUISANCES, in which the dots saturate.
 _BRIGHT = Nuisances(projector_scale=360000.0, ambient_scale=27000.0, black_dn=5.0)
 # An effect that changes fewer pixels than this share cannot be seen.
 _LEAST_CHANGED = 1e-3
@@ -217,8 +218,8 @@ class StripView:
         return EffectStrip(effect, values, "DN", *images)
 
     def strengths(self, effect: Effect, given: Mapping[str, float] | None = None) -> list[EffectStrip]:
-        """Computes EffectStrips at increasing strengths: parameters go from neutral over `given` (else typical) values
-        to twice that distance. Parameters that are choices keep their values."""
+        """Returns EffectStrips at nine strengths: 0 is neutral, 1 the `given` (else typical) values, 2 twice as far
+        from neutral, within the range. Parameters that are choices keep their values."""
         values = effect.typical_values | dict(given or {})
         moved = [p for p in effect.parameters if not p.choice and p.name != SURFACES.name]
         strips = []
@@ -234,9 +235,9 @@ class StripView:
         return np.asarray(model.signal(light, view, self._nuisances, True), dtype=np.float64)
 
     def _depth_strip(self, effect: Effect, values: dict[str, float]) -> EffectStrip:
-        """Computes both pictures for an effect on disparity or depth, from the true depth. If its typical values change
-        nothing there, it is applied to simsense's depth of noisy pairs instead, after as many frames as it needs to
-        settle."""
+        """Computes both pictures for an effect on disparity or depth. It acts on the true depth. If its typical values
+        do not change that, it acts on simsense's depth of noisy pairs. It then runs over enough frames for its memory
+        to settle."""
         view, stream = self._views["left"], dict[str, np.ndarray]()
         frames = [np.where(np.isfinite(view.depth_m), view.depth_m, 0.0).astype(np.float64)]
         if np.allclose(Model().with_effect(effect, **effect.typical_values).depth(frames[0], view), frames[0]):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes a capture's expected images under a model with the engines: effects with engine fields act inside kuafu and
-simsense. Effects of a lens' blur, falloff and glare, and all behind it, change no ray, so they take the base model's
+simsense. Lens blur, falloff, glare and the imager's effects change no ray, so they reuse the base model's rendered
 light."""
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, load
 from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, half_samples
 
-# Albedos this close to the scene's hardly change bounced light, except at the surface that sends it to the camera.
+# Albedo factors this close to 1 hardly change the light that bounces between surfaces.
 _NEAR_ALBEDO = 0.05
-# Samples per pixel of a model's images.
+# Most samples per pixel of a model's images.
 _ENOUGH = 16
 
 
@@ -32,8 +32,8 @@ def engines_of(
     device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[[Capture], CaptureRenderer]:
     """Returns a function that makes a capture's CaptureRenderer for a model's images. It renders with half of
-    samples_per_pixel (None: usual_samples()), 16 at most: then the render's noise is half of a sensor's at most, and no
-    figure contains it."""
+    samples_per_pixel (None: usual_samples()), at most 16. Render noise is then at most half of a sensor's noise, and
+    all reported errors exclude it."""
 
     def engines(capture: Capture) -> CaptureRenderer:
         samples = min(half_samples(samples_per_pixel or usual_samples(capture)), _ENOUGH)
@@ -45,9 +45,9 @@ def engines_of(
 def engine_images(
     capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[..., Mapping[ImageKey, NDArray[np.float32]]]:
-    """Returns a function that renders the light of a capture's train frames under a model (a Rendering of
-    diagnose/refit.py), and stores it in the user's cache of renders. A search compares images with the same random
-    numbers, so it takes an eighth of the samples. Arguments are those of engines_of()."""
+    """Returns a function that renders the light of a capture's train frames under a model, and stores it in the user's
+    cache (a Rendering of diagnose/refit.py). It takes an eighth of the samples, because a search compares images with
+    the same random numbers; its argument `samples` multiplies them. Arguments are those of engines_of()."""
     usual, cache = max(1, (samples_per_pixel or usual_samples(capture)) // 8), LayerCache()
     renderer = functools.cache(lambda samples: CaptureRenderer(device, usual * samples, max_bounces, seed))
 
@@ -82,9 +82,9 @@ def engine_lights(
     layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Progress | None = None,
 ) -> list[Callable[[ImageKey], Light]]:  # fmt: skip
-    """Renders a model's light on the imager. Returns three functions of (frame id, side): the mean, and each of two
-    independent halves of the samples. Effects that the engines lack are applied to the rendered light by their
-    formulas. layers: of the base model; only `flat` is used. cache: stores the light."""
+    """Renders a model's light on the imager in two independent halves of the samples. Returns three functions of (frame
+    id, side): the halves' mean, the first half and the second. Effects that the engines lack are applied by their
+    formulas. layers: {frame id: {side: Layers}} of the base model; only `flat` is used. cache: stores the light."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
     halves = [
@@ -112,8 +112,8 @@ def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
 
 
 def _on_images(model: Model) -> Model:
-    """Returns a model of the effects that act on rendered light: those that engines lack, and those of a lens alone,
-    which kuafu, too, applies to its images."""
+    """Returns a model of the effects that are applied to rendered light: those that the engines lack, and those of the
+    lens' optics alone, which kuafu, too, applies to its finished images."""
     return Model(
         tuple(
             (effect, values)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the errors of a model's expected infrared images, for both `compare` and `diagnose`, and the errors' shape:
-smooth brightness; weaker, softer or displaced dots; or another one."""
+"""Computes the errors of a model's expected infrared images, for `compare` and `diagnose`. Classifies their shape:
+smooth brightness; weaker, blurred or displaced dots; or another one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _LEAST_SHARE = 0.25
 class ErrorShape:
     """Names the kind of change that explains most of an image error. kind: "brightness" (smooth), "dots" (contrast),
     "sharpness", "place" (displacement) or "other". share: part of the squared error beyond noise that it explains.
-    amount: measured minus modelled, in DN, share of the dots' contrast, px² of blur, or px (unsigned)."""
+    amount: measured minus expected, in DN, share of the dots' contrast, px² of blur, or px (unsigned)."""
 
     kind: str
     share: float
@@ -138,7 +138,8 @@ class ImageErrors:
         ]
 
     def _pooled(self, frames: Sequence[Frame], more: dict[str, Any]) -> dict[str, Any]:
-        """Returns the errors of frames, pooled, with `more`, and for each camera."""
+        """Returns errors pooled over frames and cameras, the entries of `more`, and each camera's errors as
+        "cameras"."""
         own = {side: [self._sums[frame.id, side] for frame in frames] for side in SIDES}
         cameras = {side: _pool(images) for side, images in own.items()}
         return _pool([*own["left"], *own["right"]]) | more | {"cameras": cameras}
@@ -146,7 +147,7 @@ class ImageErrors:
 
 @dataclass(frozen=True)
 class BaseLight:
-    """The base model's light on all frames of a capture: halves, by render_halves(); their mean; and its Views."""
+    """The base model's light on all frames of a capture. halves: from render_halves(). mean: of both halves."""
 
     halves: Halves
     mean: LayersOfFrames
@@ -222,8 +223,8 @@ def image_errors(
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Pools the errors of images, in DN: RMSE without the renderer's noise, bias, that noise, the measurement's noise
-    floor, and the RMSE beyond this floor (None without a floor)."""
+    """Returns errors pooled over images, DN: RMSE without the renderer's noise, bias, the renderer's noise, the
+    measurement's noise floor, and sqrt(RMSE^2 - floor^2). The last two are None if an image has no floor."""
     pixels, squares, noise = (sum(image[name] for image in images) for name in ("pixels", "squares", "noise_squares"))
     rmse = float(np.sqrt(max(squares - noise, 0.0) / pixels))
     pooled = {

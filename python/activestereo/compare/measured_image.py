@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds one measured image of a capture, and where the other camera sees its surfaces."""
+"""Defines one measured image of a capture, and the warp that maps left pixels into the right camera's image."""
 
 from dataclasses import dataclass
 
@@ -36,21 +36,21 @@ _OCCLUSION = 0.02  # above this relative difference of depth the cameras see dif
 
 @dataclass(frozen=True)
 class Warp:
-    """Maps each left pixel to its place (u, v) in the right camera's image, px [height][width]. seen: mask of the left
-    pixels whose surface the right camera sees, too."""
+    """Maps each left pixel to the position (u, v) of its surface point in the right camera's image, px [height][width].
+    seen: mask of the left pixels whose surface the right camera sees, too."""
 
     u: NDArray[np.float64]
     v: NDArray[np.float64]
     seen: NDArray[np.bool_]
 
     def read(self, right: NDArray[np.generic], shift_px: float = 0.0, order: int = 1) -> NDArray[np.float64]:
-        """Samples the right image at each left pixel's place, shifted right by shift_px; returns [height][width].
-        order: degree of the interpolating spline."""
+        """Returns the right image at (u + shift_px, v) of each left pixel, [height][width]. order: degree of the
+        interpolating spline."""
         return map_coordinates(np.asarray(right, np.float64), [self.v, self.u + shift_px], order=order, mode="nearest")
 
 
 def warp_between(left: View, right: View) -> Warp:
-    """Computes the Warp between the two cameras' views of one frame."""
+    """Computes the Warp between both cameras' views of one frame from the scene's depth."""
     height, width = left.shape
     x, y = left.rays()
     points = np.stack([x, y, np.ones_like(x)]) * left.depth_m

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks a capture's pattern and geometry against its files, before any effect.
+"""Checks whether a capture's images match its pattern and its geometry (scene and rig). Effects take no part.
 
 If the geometry is right, both cameras see the same dots at the scene's depth, under any pattern. If the pattern is
-right, too, the rendered dots match the measured ones. Both checks are correlations of high-pass filtered images, over
-shifts of a few pixels: calibration errors may move dots, never exchange them."""
+right, too, the rendered dots match the measured ones. Both checks correlate high-pass filtered images, at shifts of a
+few pixels: calibration errors may displace dots, never exchange them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ Image = NDArray[np.generic]
 class Match:
     """Holds correlations of dot images, -1..1. pattern: rendered with measured dots. geometry: left with right measured
     image at the scene's depth. swapped: the same with the cameras exchanged. possible: the largest correlation that
-    noise allows. frames: ids of the frames used. Without dots or a frame all are None."""
+    noise allows. frames: ids of the frames used. All correlations are None if no frame shows dots."""
 
     pattern: float | None
     geometry: float | None
@@ -83,8 +83,8 @@ def match_of(
     capture: Capture, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
     measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
 ) -> Match:  # fmt: skip
-    """Computes the Match of a capture's train frames. projector: {(frame id, side): rendered light of the projector};
-    measured: DN."""
+    """Computes the Match from at most three train frames at rest with the projector on. projector: {(frame id, side):
+    rendered light of the projector}; measured: DN."""
     frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
     frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
     rows = [row for f in frames if (row := _one(f, views, projector, measured, noise_model)) is not None]
@@ -132,13 +132,13 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _fast(image: Image) -> NDArray[np.float64]:
-    """Returns the image without its slow parts, such as room light, falloff and albedo (high-pass filter)."""
+    """Returns the image after a high-pass filter, which removes room light, falloff and albedo."""
     value = np.asarray(image, np.float64)
     return value - gaussian_filter(value, _SLOW_PX)
 
 
 def warnings_of(fit: Fit, match: Match) -> list[str]:
-    """Returns a report's first warnings."""
+    """Returns the warnings of a mismatch and of scales that the fit set to 0, one line each."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
         "it is rendered",

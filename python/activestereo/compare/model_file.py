@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads libraries of effects, built in or from a user's file, and the effects of a model file (sensor_model/)."""
+"""Reads libraries of effects, built in or from a user's file. Reads and writes the effects of a model file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def library(*files: str | Path) -> dict[str, Effect]:
 
 
 def find(effects: dict[str, Effect], effect_id: str) -> Effect:
-    """Returns the effect with this id. Raises ValueError with all ids and the nearest one."""
+    """Returns the effect with this id. For an unknown id raises ValueError with all ids and the nearest one."""
     if effect_id not in effects:
         raise ValueError(unknown("effect", effect_id, effects))
     return effects[effect_id]

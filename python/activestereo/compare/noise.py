@@ -3,16 +3,17 @@
 DN that a perfect model would still have.
 
 Repeats of one static view differ by temporal noise alone, so their pixelwise unbiased variance is the floor of their
-frames. Frames without repeats get it from a noise model (EMVA 1288 with a quadratic term for speckle)
+frames. Frames without repeats get their floor from a noise model (EMVA 1288 with a quadratic term for speckle)
 
     variance = q0 + q1 * gain * signal + q2 * signal^2
 
-fitted to the repeats; signal is DN above black. The square of a noisy signal exceeds the squared mean by the variance
-itself, so a measured image's mean variance is the model's mean over (1 + q2). Without any repeats half of the variance
-of the difference of a frame's cameras, in smooth parts, bounds the noise: speckle and errors of the depth are in it.
+fitted to the repeats; signal is DN above black. The mean square of a noisy signal contains the variance itself. So the
+variance computed from a measured image is divided by (1 + q2). A capture without repeats has an upper bound of the
+noise: half of the variance of the difference between its cameras, in smooth parts, with speckle and errors of the
+depth.
 
-Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them. Rounding is
-noise of the floor, whether repeats show it or not: they round alike where steps are wider than the noise."""
+Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them. Rounding is in
+the floor, even where steps are wider than the noise, so that repeats round alike and do not show it."""
 
 from __future__ import annotations
 
@@ -41,8 +42,8 @@ _CHI2_MARGIN = 4.0
 
 # Steps of digital numbers to try, and their phases.
 _STEPS_DN, _PHASES = np.arange(1.5, 32.01, 0.02), np.arange(8) / 8
-# Digital numbers are a comb if more than this share of the pixels lies on it. Fewer used levels than this, or more than
-# this share of all, are no comb. Steps wider than this share of the widest are the same step.
+# A comb holds more than _COMB_SHARE of the pixels. Fewer than _LEAST_LEVELS used levels, or more than _MOST_USED of
+# all levels, are no comb. Steps wider than _SAME_STEP times the widest are the same step.
 _COMB_SHARE, _LEAST_LEVELS, _MOST_USED, _SAME_STEP = 0.995, 6, 0.7, 0.97
 # Noise in steps, and terms of the Fourier series of rounding.
 _NOISE_STEPS, _TERMS = np.linspace(0.0, 1.0, 201), np.arange(1, 200)
@@ -91,8 +92,8 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class Comb:
-    """Describes digital numbers that occur only at coarse steps. steps_dn: the steps that explain them. levels: the
-    values that occur, ascending. pixels: number of unclipped pixels."""
+    """Describes digital numbers that occur only at multiples of a coarse step. steps_dn: the steps that explain them
+    nearly alike. levels: the values that occur, ascending. pixels: number of unclipped pixels."""
 
     steps_dn: np.ndarray
     levels: np.ndarray
@@ -100,12 +101,12 @@ class Comb:
 
     @property
     def step_dn(self) -> float:
-        """The step, DN."""
+        """Returns the mean of steps_dn, DN."""
         return float(self.steps_dn.mean())
 
     def mean_error(self, image: np.ndarray, variance: np.ndarray) -> np.ndarray:
-        """Returns, for each pixel of an expected image in DN, by how much its rounded values exceed it on average, DN.
-        variance: of noise and rounding, DN^2."""
+        """Returns the rounding's bias, DN [height][width]: each pixel's mean rounded value minus its expected value.
+        image: expected DN. variance: of noise and rounding, DN^2."""
         sigma = np.sqrt(np.maximum(variance - ROUNDING_VARIANCE * self.step_dn**2, ROUNDING_VARIANCE))
         mean = np.full(image.shape, float(self.levels[0]))
         for low, high in zip(self.levels, self.levels[1:], strict=False):
@@ -114,7 +115,8 @@ class Comb:
 
 
 def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
-    """Finds the coarsest steps at which nearly all pixels of the images lie; None if all whole numbers occur."""
+    """Returns the Comb with the coarsest step on which nearly all pixels lie; None without one, or if few levels
+    occur."""
     size = int(max_dn) + 1
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
     counts[0] = counts[-1] = 0  # clipped
@@ -135,8 +137,8 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
 
 
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
-    """Adds the part of the rounding variance that repeats miss to their mean variance; returns DN^2. If the noise is
-    small, repeats round alike, so that their scatter does not show it (Widrow and Kollar 2008, Quantization Noise)."""
+    """Returns the variance of noise and rounding, DN^2, from the mean variance of repeats. If the noise is small,
+    repeats round alike and miss a part of the rounding's variance (Widrow and Kollar 2008, Quantization Noise)."""
     waves = np.exp(-((2.0 * np.pi * np.outer(_NOISE_STEPS, _TERMS)) ** 2))
     missed, square = (waves / _TERMS**2).sum(axis=1) / (2.0 * np.pi**2), step_dn**2
     seen = _NOISE_STEPS**2 + ROUNDING_VARIANCE - missed
@@ -166,11 +168,11 @@ def repeat_statistics(
 def fit_noise_model(
     statistics: Sequence[Repeats], black_dn: float, max_dn: float, step_dn: float = 1.0
 ) -> NoiseModel | None:
-    """Fits the photon-transfer noise model to repeats; None without repeats. step_dn: of the digital numbers.
+    """Fits the photon-transfer noise model to repeats; None without repeats. step_dn: step between digital numbers, DN.
 
     black_dn is an upper bound: a quadratic cannot distinguish shot noise above a high black level from speckle above a
-    low one. The lowest level that fits is taken: it needs the least shot noise, so the least is extrapolated to gains
-    without repeats.
+    low one. The lowest level that fits is taken. It needs the least shot noise, so the extrapolation to gains without
+    repeats is smallest.
     """
     bins = [row for entry in statistics for row in transfer_rows(entry, max_dn, step_dn)]
     if not bins:
@@ -202,7 +204,7 @@ def transfer_points(capture: Capture) -> list[dict[str, float]]:
 
 def transfer_rows(entry: Repeats, max_dn: float, step_dn: float = 1.0) -> list[tuple[float, ...]]:
     """Returns rows (gain, mean, mean of squares, variance, 1 / standard error of the variance) over bins of equal pixel
-    count in one repeat group. step_dn: of the digital numbers."""
+    count in one repeat group. step_dn: step between digital numbers, DN."""
     frames, _, mean, variance = entry
     count = len(frames)
     inside = (mean > 0) & (mean < max_dn - 1)
@@ -269,12 +271,12 @@ _OUTLIER = 12.0
 def noise_at_other_gains(
     noise_model: NoiseModel, images: Sequence[MeasuredImage], predicted: Mapping[ImageKey, np.ndarray]
 ) -> tuple[NoiseModel, dict[ImageKey, float]]:
-    """Returns (the noise model with more shot noise, if train frames at gains without repeats need it; {(frame id,
-    side): variance, DN^2, of the images at such gains}). There the variance is taken between neighbouring pixels of
+    """Returns (noise model, {(frame id, side): variance, DN^2, of the images at gains without repeats}). The noise
+    model gets more shot noise if the train frames at such gains need it. This is fitted between neighbouring pixels of
     nearly equal expected value. predicted: expected DN, of the train images at least.
 
     A missing effect adds a variance that grows with the square of the signal, alike at all gains. It is measured at the
-    shown gains and subtracted.
+    gains with repeats and subtracted.
     """
     train = [i for i in images if i.frame.split == "train"]
     gains = {i.frame.gain for i in train if i.frame.repeat_group is not None}
@@ -319,8 +321,8 @@ _TRIM = 4.0  # deviations
 
 
 def pair_noise_model(pairs: Iterable[tuple[MeasuredImage, MeasuredImage]], black_dn: float) -> NoiseModel | None:
-    """Fits a NoiseModel to the differences between the two cameras. pairs: for each frame (left image, right image).
-    Returns None if too few pixels lie in smooth parts of the image."""
+    """Fits a NoiseModel without a speckle term to the differences between the two cameras. pairs: for each frame (left
+    image, right image). Returns None if too few pixels lie in smooth parts of the image."""
     rows = [row for pair in pairs for row in _rows(*pair)]
     if not rows:
         return None
@@ -391,12 +393,12 @@ _LAMP_SHARE = 0.5
 
 
 def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
-    """Returns {(frame id, side): DN [height][width]}, the differences between a repeat and its group's mean that a
-    flickering lamp causes; they are not noise, but the repeats' variance contains them. Empty if neighbouring rows do
-    not change together, or if one level for all pixels explains more.
+    """Returns the changes of light that a flickering lamp causes, {(frame id, side): repeat minus its group's mean, DN
+    [height][width]}. The repeats' variance contains them, although they are no noise. Empty if neighbouring rows do not
+    change together, or if a change of the whole level explains more.
 
     A rolling shutter records flicker as one factor on each row's ambient light, nearly the same in neighbouring rows.
-    Noise of whole rows differs from row to row, and stays in the floor. measured_images: {(frame id, side): (frame, its
+    Row noise is independent from row to row, and stays in the floor. measured_images: {(frame id, side): (frame, its
     rendered light, measured DN [height][width])}.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0

@@ -5,9 +5,9 @@ frames.
     DN = black + exposure_s * gain * (projector_scale * power * P + ambient_scale * level * A),  clipped to the sensor's
     range
 
-P and A are the radiance that falls on the sensor under the projector at power 1 and under ambient radiance 1. A model's
+P is the radiance on the sensor under the projector at power 1, A the radiance under ambient radiance 1. A model's
 effects may make this nonlinear; then rounds of Gauss-Newton fit its linearisation. All train pixels of both cameras
-have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/fitter.py starts from it."""
+have equal weight, so that the fit minimises the RMSE that compare reports. diagnose/fitter.py starts from this fit."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _LEAST_PIXELS = 500
 
 @dataclass(frozen=True)
 class Finding:
-    """A measured figure of a pair. text: its name in words; value with its 95 % interval (low, high), in unit; neutral:
+    """A measured figure of a pair. text: its description; value: with its 95 % interval (low, high), in unit; neutral:
     the value of a perfect pair."""
 
     name: str
@@ -49,9 +49,9 @@ def pair_findings(
     left: np.ndarray, right: np.ndarray, disparity: np.ndarray, max_dn: float,
     device_disparity: np.ndarray | None = None,
 ) -> list[Finding]:  # fmt: skip
-    """Measures a pair's Findings. left, right: DN [height][width]; disparity: matched, at the left image's pixels, 0 =
-    none; device_disparity: the device's own at the same pixels, at its nominal f x baseline, 0 = none. Raises
-    ValueError if too little of the image is matched."""
+    """Measures a pair's Findings. left, right: DN [height][width]. disparity: our matcher's, px at the left image's
+    pixels, 0 = none. device_disparity: the device's at the same pixels, from its depth and nominal f x baseline, 0 =
+    none. Raises ValueError if too little of the image is matched."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = Blocks(left.shape)
     # 1. Saturation.
@@ -122,8 +122,8 @@ def pair_findings(
 
 
 class Blocks:
-    """Divides an image into square blocks and draws bootstrap weights for them, [draws + 1][blocks]; the first row is
-    the image itself."""
+    """Divides an image into square blocks and draws bootstrap weights for them, [draws + 1][blocks]. All weights of the
+    first row are 1: it is the image itself."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX

@@ -43,13 +43,13 @@ def render_frames(
     cache: LayerCache | None = None, progress: Progress | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> LayersOfFrames:  # fmt: skip
-    """Renders the layers of all frames (frames: of these alone); frames at one pose share their layers.
+    """Renders the layers of all frames, or of `frames` alone; frames at one pose share their layers.
 
     A moving frame is rendered at its mid-exposure pose: motion within the exposure is an effect, not part of the base
-    model. cache: a LayerCache, None for the user's own. progress: called as progress(fraction done). scale: image
-    samples per pixel side; from 2 on their supersampled images keep warps (lenses,
-    calibration, motion) sharp to the frame's border, at about 1.1 times the cost: the samples per pixel stay. Raises
-    CaptureError for a nominal lens that folds back within the image.
+    model. cache: None: the user's own. progress: called as progress(fraction done). scale: image samples along a
+    pixel's side. From 2 on, supersampled images keep warps (lenses, calibration, motion) sharp up to the frame's
+    border, at about 1.1 times the cost; light samples per pixel stay the same. Raises CaptureError for a nominal lens
+    that folds back within the image.
     """
     [layers] = _rendered(capture, renderer, samples_per_pixel, max_bounces, (seed,), cache, progress, scale, frames)
     return layers
@@ -60,7 +60,7 @@ def render_halves(
     cache: LayerCache | None = None, progress: Progress | None = None, scale: int = 1,
     frames: Sequence[Frame] | None = None,
 ) -> Halves:  # fmt: skip
-    """Renders as render_frames(), twice, with half of the samples each and independent random numbers."""
+    """Renders twice as render_frames() does, each time with half of the samples and independent random numbers."""
     half, seeds = half_samples(samples_per_pixel), half_seeds(seed)
     first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
     return first, second
@@ -70,8 +70,8 @@ def _rendered(
     capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seeds: Sequence[int],
     cache: LayerCache | None, progress: Progress | None, scale: int, frames: Sequence[Frame] | None,
 ) -> list[LayersOfFrames]:  # fmt: skip
-    """Renders as render_frames() with each seed, pose by pose, because a renderer may keep parts that seeds do not
-    change."""
+    """Renders as render_frames() does, once for each seed. All seeds of a pose follow each other, because a renderer
+    may keep parts that do not depend on the seed."""
     cache = cache or LayerCache()
     sampling = sampling_of(capture.rig, scale)
     requests: dict[str, RenderRequest] = {}
@@ -99,9 +99,9 @@ def _rendered(
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:
-    """Returns the mean square of the renderer's noise in the mean x of two half renders a and b, in the square of their
-    unit. By so much mean((x - m)^2) exceeds mean((a - m) (b - m)), the squared error of an image with infinitely many
-    samples, whatever the measurement m is."""
+    """Returns the mean square of the renderer's noise in the mean of two half renders a and b, in the square of their
+    unit. With a measurement m it is mean(((a + b) / 2 - m)^2) - mean((a - m) (b - m)). The second term is the squared
+    error of a render without noise."""
     return float(np.mean((np.asarray(first, dtype=np.float64) - second) ** 2)) / 4.0
 
 

@@ -2,11 +2,11 @@
 """Finds where a model fails: tables of the residual, binned by each covariate, with block-bootstrap intervals and a
 false discovery rate.
 
-Each of three channels is a list of pixels with residual, covariates, bins and blocks: infrared (DN), disparity (px, of
-pixels that device and model both measured), validity (1 = the device alone measured, -1 = the model alone). A covariate
-is a known quantity of each pixel, such as depth; NaN = not defined there (the sky has no depth). Pixels are not
-independent, so whole blocks of the image are resampled (Efron and Tibshirani, An Introduction to the Bootstrap, 1993,
-ch. 8; Benjamini and Yekutieli, Annals of Statistics 29, 2001)."""
+There are three channels: infrared (DN), disparity (px, at pixels that device and model both measured), validity (1 =
+only the device measured, -1 = only the model). Each is a list of pixels with residual, covariates, bins and blocks. A
+covariate is a known quantity of each pixel, such as depth; NaN = not defined there (the sky has no depth). Pixels are
+not independent, so whole blocks of the image are resampled (Efron and Tibshirani, An Introduction to the Bootstrap,
+1993, ch. 8; Benjamini and Yekutieli, Annals of Statistics 29, 2001)."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ COVARIATES = (
 def covariate_maps(
     view: View, material: np.ndarray, predicted_dn: np.ndarray, baseline_m: float
 ) -> dict[str, np.ndarray]:
-    """Computes {covariate: float32 [height][width]} of one image. view: the camera's View of the scene; material: ids;
-    predicted_dn: the expected image."""
+    """Returns {covariate: float32 [height][width]} of one image. view: the camera's View of the scene; material: ids
+    [height][width]; predicted_dn: the expected image."""
     height, width = view.shape
     u, v = view.pixels()
     seen = view.depth_m > 0
@@ -111,7 +111,7 @@ def covariate_maps(
 
 
 class BlockBootstrap:
-    """Draws Poisson(1) weights for groups of blocks, float32 [draws][groups], the same for every statistic."""
+    """Holds bootstrap weights of groups of blocks, Poisson(1), float32 [draws][groups]. All statistics share them."""
 
     def __init__(self, groups: int, seed: int, draws: int = 4000) -> None:
         rng = np.random.Generator(np.random.Philox(seed))
@@ -185,8 +185,8 @@ class ResidualImage:
 
 @dataclass(frozen=True)
 class Bins:
-    """The bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. low, high [count]: the ends of each
-    bin's interval (low, high]; equal if each bin is one value."""
+    """The bins of a covariate. code: each pixel's bin, 1..count, 0 = not defined. low, high [count]: ends of each bin's
+    interval (low, high]; they are equal if each bin holds a single value."""
 
     code: np.ndarray
     low: np.ndarray
@@ -211,7 +211,7 @@ class Samples:
 
     @property
     def is_explainable(self) -> bool:
-        """Returns whether there is error to explain."""
+        """Returns whether the excess is large enough to be analysed, see _SMALLEST_EXCESS."""
         return bool(self.excess.sum() > _SMALLEST_EXCESS * self.floor.sum())
 
     def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
