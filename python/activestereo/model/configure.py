@@ -17,8 +17,8 @@ from activestereo.model.model import Imager, SensorModel
 
 
 def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
-    """Returns {field: new value} of the configuration fields that the model changes. given: the configuration's present
-    fields. Effects and materials need the model itself: StereoDepthSensor(config, scene, model=model)."""
+    """Returns {field: new value} of the configuration fields that the model changes. given: all fields of the present
+    configuration. Effects and materials are no fields: StereoDepthSensor(config, scene, model=model) takes them."""
     changes: dict[str, Any] = {}
     if (rig := model.rig) is not None:
         left = as_matrix(given["trans_pose_l"]) @ CAMERA_TO_BODY
@@ -37,7 +37,7 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
             "ir_line_time_s": rig.line_time_s or 0.0,
         }
         if rig.exposure_s is not None:
-            # The model's gain is in the signal.
+            # The gain is in `ir_signal`.
             changes |= {"ir_camera_exposure": rig.exposure_s, "ir_camera_gain": 1.0, "ir_exposure_mode": "fixed"}
     if (pattern := model.pattern) is not None:
         changes["pattern_intrinsic"] = np.array(pattern.K)
@@ -51,8 +51,8 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
     if model.imager is not None or model.rig is not None:
         changes["ir_signal"] = _signal(model)
     if model.nuisances:
-        # The model is fitted to images: optics, beam and speckle without an effect are absent. The limit of fireflies
-        # is the renderer's, so it stays.
+        # The model is fitted to images, so it has no optics, beam or speckle except by effects. The limit of fireflies
+        # belongs to the renderer and stays.
         limit = (given["ir_optics"] or {}).get("firefly_factor")
         changes |= {"ir_optics": limit and {"firefly_factor": limit}, "ir_speckle_of_laser": False}
         changes |= {"projector_beam_radius_m": 0.0, "projector_falloff": 0.0, "pixel_blur_px": 0.0}
@@ -69,9 +69,9 @@ def configured(given: Mapping[str, Any], model: SensorModel) -> dict[str, Any]:
 
 
 def exposed(given: Mapping[str, Any], model: SensorModel, frame: Frame) -> dict[str, Any]:
-    """Returns configured()'s changes with the exposure and light of a frame of the capture that the model was fitted
-    to. The capture gives light only in counts, so radiance is in units of the room's light, as for the scene's
-    lamps."""
+    """Returns configured()'s changes, with the exposure and light of `frame`, one of the capture's to which the model
+    was fitted. Only products of light and responsivity are known. So the ambient radiance is 1, or less in a dark room,
+    and the responsivity is the fitted ambient scale."""
     room, projector = (model.nuisances[name].value for name in ("ambient_scale", "projector_scale"))
     room *= 1.0 if frame.ambient is None else frame.ambient
     responsivity_dn = max(room, 1e-6 * projector)

@@ -66,7 +66,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
 
 def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
     """Returns the pattern's relative radiant intensity [height, width], 1 at the brightest pixel. It is read from the
-    file, or drawn as the dots' Gaussians, whose integrals are their powers, and the background."""
+    file, or is a background plus one Gaussian per dot, whose integral is the dot's power."""
     if pattern.dots is None:
         assert pattern.file is not None
         return read_gray(pattern.file, key="pattern.file").astype(np.float32) / 255.0
@@ -79,8 +79,8 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
 
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
     """Reads an effect's parameters from a diagnosis' JSON: ({parameter: Quantity}, names of the surfaces that show it;
-    () = all). Values accepted into the model come first, else those in the ranking. Raises ValueError if the diagnosis
-    has neither."""
+    () = all). Values of the accepted model take precedence over those of the ranking. Raises ValueError if the
+    diagnosis has neither."""
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
     accepted = {e.get("id"): e for e in reversed(diagnosis.get("model", {}).get("effects", []))}
     found = accepted.get(effect_id) or ranked.get(effect_id)
@@ -113,10 +113,9 @@ def diagnosed_model(
     """Makes the SensorModel of a diagnosis.
 
     effects: the effects found. nuisances: values by names of model.model.NUISANCES. noise: values by names of
-    model.model.NOISE_TERMS; None without repeated pictures. albedo: {material name: factor on its nominal infrared
-    albedo}. intervals: {(owner, parameter): 90 % interval}; an owner is an effect's id, 'nuisances' or a material's
-    name. material_names: the scene's materials by id. poses: measured poses of views that differ from the stated
-    ones."""
+    model.model.NOISE_TERMS; None: unknown. albedo: {material name: factor on its nominal infrared albedo}. intervals:
+    {(owner, parameter): 90 % interval}; an owner is an effect's id, 'nuisances' or a material's name. material_names:
+    the scene's materials by id. poses: measured poses of views that differ from the stated ones."""
     bounds, source = intervals or {}, f"diagnosis of {capture.name}"
 
     def quantity(owner: str, name: str, value: float, unit: str) -> Quantity:

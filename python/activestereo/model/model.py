@@ -71,7 +71,7 @@ class Rig:
     def of_capture(
         cls, rig: CaptureRig, exposure_s: float | None = None, gain: float | None = None, source: str = ""
     ) -> Rig:
-        """Makes the Rig of a capture's, which knows no usual settings."""
+        """Returns a capture's rig as a Rig. exposure_s, gain: the usual settings, which a capture's rig lacks."""
         to_projector = rig.projector.left_to_projector
         own = rig.left, rig.right, rig.left_to_right, to_projector, rig.bit_depth, rig.line_time_s
         return cls(*own, exposure_s, gain, source)
@@ -79,9 +79,9 @@ class Rig:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The image that the projector casts: an 8-bit image file, or dots [n, 3] of u, v and power in an image of `size`
-    (width, height). background: value of every pixel without dots; a dot's power is its sum over pixels in the same
-    unit. K: 3x3."""
+    """The image that the projector casts: an 8-bit image file, or dots [n, 3] of u, v and power. The dots are Gaussians
+    of deviation dot_sigma_px in an image of `size` (width, height); the power is a dot's sum over pixels. background:
+    value of each pixel without dots, in the same unit. K: the projector's intrinsics, 3x3."""
 
     K: NDArray[np.float64]
     file: Path | None = None
@@ -117,7 +117,7 @@ class MeasuredPose:
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect with its parameters. surfaces: names of the materials that show it, () = all; they replace the
+    """An effect with its parameters. surfaces: names of the materials that show it, () = all; they stand in for the
     parameter `surfaces`."""
 
     effect: Effect
@@ -128,8 +128,8 @@ class ModelEffect:
 @dataclass(frozen=True)
 class SensorModel:
     """A sensor model. nuisances: {name of NUISANCES: Quantity}. materials: {glTF name: {name of MATERIAL_FIELDS:
-    Quantity}}. poses: measured poses of a capture's views that differ from the stated ones. source: where the model
-    comes from."""
+    Quantity}}. poses: measured poses of a capture's views that differ from the stated ones. source: text, from where
+    the model comes."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -171,7 +171,7 @@ class SensorModel:
 
     @property
     def surfaces(self) -> set[str]:
-        """Names of all surfaces that effects are limited to."""
+        """Returns the names of all surfaces to which effects are limited."""
         return {name for entry in self.effects for name in entry.surfaces}
 
     def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:

@@ -31,7 +31,7 @@ from activestereo.model.model import (
 
 FORMAT = "active-stereo-model"
 VERSION = 2
-# The depth engine takes no less.
+# The depth engine accepts no smaller images and no fewer bits.
 _IMAGE_SIDE = replace(SIDE, low=32)
 _BIT_DEPTH = replace(BITS, low=8)
 # Keys that explain a file to its reader; they are written, and not read.
@@ -114,7 +114,7 @@ def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> di
 
 
 def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
-    """Reads a number, or an object with value, low, high and source. Raises if it is outside low..high."""
+    """Reads a number or an object of value, low, high and source. Raises CaptureError for a value outside low..high."""
     plain = entry.plain(key)
     if not isinstance(plain, dict):
         value, ends, source = entry.number(key), (None, None), ""

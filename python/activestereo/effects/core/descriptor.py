@@ -12,16 +12,16 @@ By stage, in the order of the pipeline, `apply(value, view, **parameters)` gets 
     DISPARITY                            matched disparity in the left image, pixels, 0 = no match
     DEPTH                                depth in the left image, metres, 0 = none
 
-It must not change its input, and must return the input itself or an equal one where every parameter is neutral. Random
-effects draw from view.rng(id) alone.
+`apply` must not change its input. At neutral parameters it returns the input itself or an equal array. Random effects
+draw from view.rng(id) alone.
 
-An effect is written once. moved.py makes one of a function of engine fields (engine.py), and derives `apply` from it.
-Otherwise `effect` makes one of an image function, and `image_only` says why no engine field expresses it.
+An effect is defined by one function. If it changes engine fields (engine.py), moved.py makes the effect and derives
+`apply`. If it changes images, the decorator `effect` makes it; `image_only` says why no engine field expresses it.
 
-A deterministic effect up to the digital numbers changes the *expected image*, on which the lab judges it. All others
-say how they are judged:
+The lab (activestereo.diagnose) judges a deterministic effect up to DIGITAL by the *expected image*, which it changes.
+All other effects declare in `judged` how the lab finds them:
 
-    STATIC randomness     RandomTerms: random fields that stay, found by predicting one frame from others
+    STATIC randomness     RandomTerms: random fields, constant over frames, found by predicting a frame from others
     TEMPORAL randomness   RandomTerms: terms of the noise model, found in the differences of repeats
     CodeSteps             digital numbers come in steps, found in their histogram
     EngineFault           how a fault of the depth engine is judged; other effects on disparity and depth need none
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 
 class Channel(Enum):
-    """The data on which an effect is judged: expected images, random fields that stay, repeats of a frame, or the
-    device's disparity."""
+    """The data on which an effect is judged: expected images, random fields that are constant over frames, repeats of a
+    frame, or the device's disparity."""
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"
@@ -54,7 +54,7 @@ class Channel(Enum):
 
 
 class Lever(Enum):
-    """The signal that scales a random draw of standard deviation 1, besides the parameter.
+    """The signal that scales a random term: term = parameter x lever x a random number of standard deviation 1.
 
     ONE: 1 DN. SIGNAL: DN above black. PROJECTOR: DN of the projector's direct light. EXPOSURE: exposure time x gain,
     seconds. PHOTONS: the square root of gain x DN above black; here the parameter scales the variance.
@@ -68,7 +68,7 @@ class Lever(Enum):
 
 
 class SharedBy(Enum):
-    """The pixels and images that share one random draw.
+    """The set of pixels and images to which one random number applies.
 
     PIXEL: a pixel of one camera, in all frames (in one frame, where the effect is TEMPORAL). VIEW: a pixel of one
     camera while the rig stands still. COLUMN, ROW: all pixels of a column or row of one camera. DOT: all pixels that
@@ -84,11 +84,11 @@ class SharedBy(Enum):
 
 @dataclass(frozen=True)
 class RandomTerm:
-    """Declares one random field or one term of the noise model. Its size is parameter x lever (a signal, see Lever) x a
-    draw of standard deviation 1.
+    """Declares one random field or one term of the noise model. Its value is parameter x lever (a signal, see Lever) x
+    a random number of standard deviation 1.
 
     parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that gives the share of
-    pixels with a draw; "" = all pixels have one.
+    affected pixels; "" = all pixels are affected.
     """
 
     parameter: str
@@ -131,8 +131,8 @@ Judgement = RandomTerm | CodeSteps | EngineFault | Unjudged
 
 @dataclass(frozen=True)
 class StartImage:
-    """A measured image, compared with its prediction by the model without the effect. The effect proposes starting
-    values of its fit from it. Arrays are [height][width].
+    """A measured image, compared with its prediction by the model without the effect. From such images an effect
+    proposes starting values of its fit. Arrays are [height][width].
 
     weight: inverse variance, 1/DN^2. residual: measured minus expected, DN. ambient: DN of ambient light in the
     expected image, 0 where it is clipped. ambient_dn: DN per unit of ambient radiance. expected: DN above black.
@@ -271,7 +271,7 @@ class Effect:
 
     @property
     def unjudged_reason(self) -> str:
-        """Returns why the lab does not rank the effect. Meant for effects without a channel."""
+        """Returns why the lab does not rank the effect. It has a meaning only if `channel` is None."""
         said = (j.reason for j in self.judged if isinstance(j, Unjudged))
         silent = "it is random, and its descriptor does not say how it is judged (see effects/core/descriptor.py)"
         return next(said, silent)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the projector's light without new rays: its dots on the surfaces that a camera sees, and its beam's glow in
-air."""
+"""Computes the projector's light without tracing rays: its dots on the surfaces that a camera sees, and the glow of its
+beam in air."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ _LARGEST_BOX = 64.0
 
 
 class DotView:
-    """The projection of each camera pixel into the projector's pattern. Pixel (u, v) of the pattern lights the pixel's
-    surface point; box_u x box_v pattern pixels cover the camera pixel. All are [height][width]."""
+    """The projection of each camera pixel into the projector's pattern, arrays [height][width]. Pattern position (u, v)
+    lights the pixel's surface point, whose depth from the projector is z (m). The camera pixel covers box_u x box_v
+    pattern pixels. lit: mask of pixels with a surface before the projector."""
 
     @classmethod
     def of(cls, view: View) -> DotView:
@@ -156,9 +157,9 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
 
 
 def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns intensity and path, each [samples][rows][columns], at samples along the coarse rays. The path leads from
-    the projector to the sample and on to the ray's start at from_m, in metres. Then comes a factor [rows][columns]: a
-    ray's integral is the factor times its samples' mean."""
+    """Returns (intensity, path, factor) of samples along the coarse rays. intensity, path: [samples][rows][columns].
+    The path, in metres, leads from the projector to the sample and back along the ray to from_m. A ray's integral is
+    its factor [rows][columns] times the mean of its samples."""
     _, _, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
     first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
     share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]

@@ -24,7 +24,7 @@ from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
 
-# The share of the projector's light that is left at tangents (x, y) of angles from its axis.
+# A function (x, y) -> share of the projector's light that is left. x, y: tangents of the angles from its axis.
 PatternGain = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -49,7 +49,7 @@ class EngineCamera:
         self.camera.camera_to_world = self.camera.camera_to_world @ turn
 
     def shift_image(self, u_px: float, v_px: float) -> None:
-        """Shifts the image by u_px to the right and v_px down, by the principal point."""
+        """Moves the principal point, and so the image, by u_px to the right and v_px down."""
         k = self.camera.k
         k[:2, 2] += u_px, v_px
         self.camera.k = k
@@ -118,8 +118,8 @@ class EngineInputs:
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
-        """Yields each selected material for changes, which reach the scene. chosen: the sum of 2^id over the materials'
-        ids; 0 = all."""
+        """Yields each selected material; the scene gets the changes made to it. chosen: the sum of 2^id over the
+        materials' ids; 0 = all."""
         for number in material_numbers(chosen) or range(self.material_count):
             yield self.material(number)
 
@@ -178,7 +178,7 @@ class EngineInputs:
     def add_speckle(self, contrast: float, static_share: float) -> None:
         """Adds speckle: an independent gamma-distributed factor with mean 1 on the projectors' light. contrast: the
         factor's standard deviation. static_share: the share of its variance that stays while rig and scene stand still.
-        Earlier speckle's variance is added."""
+        The variances of repeated calls add up."""
         if contrast == 0.0:
             return
         self.speckle_of_laser = True
@@ -210,8 +210,8 @@ def towards(azimuth_rad: float, elevation_rad: float) -> np.ndarray:
 
 
 def axes(azimuth_rad: float, elevation_rad: float, roll_rad: float) -> np.ndarray:
-    """Returns the rotation [3][3] from a unit's axes (right, down, along its beam) to the world's. azimuth: of the beam
-    about the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
+    """Returns the rotation [3][3] from a beam's axes (right, down, along it) to the world's. azimuth: of the beam about
+    the world's y axis from z towards x; elevation: above the xz plane; roll: about the beam, right-handed."""
     along = towards(azimuth_rad, elevation_rad)
     right = np.array([-np.cos(azimuth_rad), 0.0, np.sin(azimuth_rad)])
     down = np.cross(along, right)

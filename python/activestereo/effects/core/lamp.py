@@ -28,10 +28,10 @@ _THICK_M = 0.3
 _BEHIND_SHARE = 0.006
 # A Gaussian softens the shadows' edges; in pixels of the coarse shadow image.
 _SOFT_PX = 0.7
-# The grid of places where a lamp may stand, and the number of pixels that judge them.
+# The grid of a lamp's possible positions, and the number of pixels to which each is fitted.
 _AZIMUTHS_RAD = tuple((np.arange(-8, 8) * np.pi / 8).tolist())
 _ELEVATIONS_RAD, _NEARNESSES_PER_M, _PIXELS = (0.2, 0.6, 1.0, 1.3), (0.3, 0.6, 1.0, 1.5), 20000
-# Normals are rendered in float32, so a direction of them that shows by less than this share of the largest is none.
+# Normals are rendered in float32: singular values below this share of the largest are rounding.
 _ROUNDING = 1e-6
 
 
@@ -43,8 +43,8 @@ def lamp_pose(azimuth_rad: float, elevation_rad: float, nearness_per_m: float) -
 
 
 def radiance_under(added: kuafu.Light, to_camera: np.ndarray, light: Light, view: View) -> np.ndarray:
-    """Returns the radiance [height][width] that an added light gives the diffuse surfaces: a point light or a
-    directional one, with shadows, or a projector of the rig's pattern, without. to_camera: its pose [4][4] in camera
+    """Returns the radiance [height][width] that an added light gives the diffuse surfaces. Point and directional lights
+    cast shadows; a projector of the rig's pattern does not. to_camera: the light's pose [4][4] in camera
     coordinates."""
     facing, reflectance = Facing.of(view), reflectance_of(light, view)
     if added.kind == "directional":
@@ -125,8 +125,8 @@ def _far_starts(seen: SeenPoints) -> list[dict[str, float]]:
 
 def _near_starts(seen: SeenPoints) -> list[dict[str, float]]:
     """Fits a near lamp at each place of a grid and returns the one that explains most of the residual beside ambient
-    light. Shadows are left out. A near lamp shows by the light's fall with distance, which normals alone do not
-    tell."""
+    light. Shadows are ignored. A near lamp's light falls with distance, so the fit uses the points besides the
+    normals."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
     directions = np.stack([towards(*way) for way in ways], axis=1)
     # As in radiance_under(), for all directions at once: ways are sums, so cosines and squares are, too.

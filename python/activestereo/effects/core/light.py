@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the light of one camera under effects. Operations on light wait until an image is asked for."""
+"""Holds the light of one camera under effects. Operations run only when an image is asked for."""
 
 from __future__ import annotations
 
@@ -116,11 +116,11 @@ class Light:
         return _Later(self, operation).light()
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> Light:
-        """Returns the warped light: each of its pixels takes this light's value at pixel position (u, v),
-        [height][width] each.
+        """Returns the warped light: its pixel takes this light's value at pixel position (u, v), [height][width] each.
 
         Values are interpolated in the supersampled images if there are any. Changes by effects since rendering are
-        known per pixel only: they are carried over as a smooth local gain and a remainder.
+        known per camera pixel only. They are split into a smooth local gain and a remainder, which are warped
+        separately.
         """
         fine = self.supersampled
         spline = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
@@ -165,7 +165,8 @@ class Light:
 
     def filtered(self, act: Callable[[SupersampledImages], SupersampledImages]) -> Light:
         """Returns the light after a linear filter, of the supersampled images where there are any. act: a filter of
-        SupersampledImages, such as blurred() and shifted_sum(); images without finer ones have scale 1."""
+        SupersampledImages, such as blurred() and shifted_sum(); without supersampled images it gets the pixels at scale
+        1."""
         return _Later(self, lambda images: act(SupersampledImages(images, 1, 0)).images(), act).light()
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:

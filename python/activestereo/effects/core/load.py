@@ -127,8 +127,8 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
 
 
 def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:
-    """Converts a View to its C record. Returns (record, the arrays that it points into); keep these as long as the
-    record."""
+    """Converts a View to its C record. Returns (record, the arrays to which the record points); keep the arrays as long
+    as the record."""
     frame = view.frame
     depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)
     normal = np.ascontiguousarray(view.normal, dtype=np.float64)
@@ -150,8 +150,8 @@ def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:
-    """Returns {id: Effect} of a .py file or a shared library. Raises FileNotFoundError, or ValueError with the file's
-    fault."""
+    """Returns {id: Effect} of a .py file or a shared library. Raises FileNotFoundError if there is no such file, or
+    ValueError with the file's fault."""
     path = Path(path)
     if not path.is_file():
         words = "no such effect file (Python, or a shared library; built-in effects need none)"

@@ -44,8 +44,8 @@ class Model:
 
     def light(self, layers: Light | Layers, view: View, random: bool = False, supersampled: bool = True) -> Light:
         """Returns the Light that falls on the sensor: rendered layers after all effects up to the lens. random=False
-        leaves random effects out. supersampled=False: warps look up camera pixels, which takes less than half the time,
-        for scans."""
+        leaves random effects out. supersampled=False: warps interpolate camera pixels only, in less than half of the
+        time, for scans."""
         light = Light.of(layers) if supersampled else replace(Light.of(layers), supersampled=None)
         for effect, parameters in self.on_light(random):
             light = acted(effect, parameters, light, view)
@@ -67,7 +67,7 @@ class Model:
 
     def signal(self, light: Light | Layers, view: View, nuisances: Nuisances, random: bool = False) -> np.ndarray:
         """Returns DN [height][width] of a light, black level included. random=False: the expected value, without random
-        effects. random=True: one exposure. Only effects round."""
+        effects. random=True: one exposure. Values are rounded only by effects."""
         projector, ambient = scales(view.frame)
         value = (
             nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
@@ -75,7 +75,7 @@ class Model:
         return self.digital(value, view, nuisances.black_dn, random)
 
     def digital(self, value: np.ndarray, view: View, black_dn: float, random: bool = False) -> np.ndarray:
-        """Returns signal() for DN above black [height][width] that an ideal sensor would count."""
+        """Returns DN as signal() does. value: DN above black [height][width] that an ideal sensor counts."""
         for effect, parameters in self._select(Stage.CHARGE, Stage.READOUT, random):
             value = effect.apply(value, view, **effect.on_pixels(parameters, view.binning))
         value = value + black_dn

@@ -6,12 +6,12 @@
         for side in inputs.sides:
             side.optics.vignetting_exponent += exponent
 
-The function is the effect inside of the engines. Its images follow from the changed fields, whichever effect changed
-them. Cameras look up other places, a projector's dots lie elsewhere, added lights shine, air and materials change the
-light, optics blur and dim, and simsense's signal counts. Nothing is rendered.
+The engines simulate the effect from the changed fields. Without a render, each kind of field has a computation of its
+own that changes the image: a moved camera warps it, a changed projector redraws its dots, added lights add light, air
+and materials change the light, optics blur and dim it, and simsense's imager converts it to DN.
 
-A turn of a camera about its centre moves pixels whatever their depth; a shift moves each pixel by its depth. A rig
-before or after mid-exposure sees the scene shifted, and its own dots hardly."""
+A camera's rotation displaces pixels independently of depth; the displacement by a translation depends on depth. If a
+rig moves during the exposure, the scene is displaced in the image, but the rig's own dots hardly."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ _ITERATIONS = 3
 def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     """Returns the Light at time mid-exposure + dt_s: a number, or one per row [height] for row-wise readout.
 
-    Each pixel finds where its surface point is at mid-exposure, and takes the scene's light from there. The dots stay
-    with the rig: the pixel's new depth places them, and the new distance and angle to the projector scale them. New
-    occlusions and shadows are not seen, since motions are of a few pixels.
+    Each pixel takes the scene's light from the position of its surface point at mid-exposure. The dots stay with the
+    rig: the pixel's new depth places them, and the new distance and angle to the projector scale them. New occlusions
+    and shadows are ignored, since motions are of a few pixels.
     """
     rows = np.broadcast_to(np.asarray(dt_s, dtype=np.float64), view.shape[:1])
     if not view.frame.is_moving or not rows.any():
@@ -79,8 +79,8 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
 
 
 def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns each pixel's position (u, v) of its surface point at mid-exposure. Then come the point's camera
-    coordinates [height][width][3] at the row's time and at mid-exposure. then_to_mid: [height][4][4]."""
+    """Returns (u, v, then, mid) of each pixel's surface point. u, v: its pixel position at mid-exposure. then, mid: its
+    camera coordinates [height][width][3] at the row's time and at mid-exposure. then_to_mid: [height][4][4]."""
     rotation, shift = then_to_mid[:, :3, :3], then_to_mid[:, None, :3, 3]
     far = view.depth_m.max() if view.depth_m.any() else 1.0
     depth_mid = np.where(view.depth_m > 0, view.depth_m, 100.0 * far)  # at such a depth only turns show
@@ -103,8 +103,8 @@ _TIMES = ("delay_s", "exposure_s", "shutter", "line_time_s", "readout")
 @dataclass
 class _ViewInputs(EngineInputs):
     """EngineInputs for the images of one view. Both cameras stand at the origin of the view's frame, in which the rig's
-    lights are given. One matt material stands for all `chosen` surfaces. Gains and a blur of the pattern are only
-    noted: they apply to the view's pixels directly."""
+    lights are given. One matt material represents all `chosen` surfaces. Gains and a blur of the pattern are stored
+    here and applied later to the view's pixels."""
 
     chosen: float = 0.0
     gains: list[PatternGain] = field(default_factory=list)
@@ -217,8 +217,8 @@ def _through_optics(value: Any, view: View, inputs: _ViewInputs) -> Any:
 
 
 def _redrawn(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    """Returns the light as a camera at another pose, or behind another lens, sees it. New occlusions are not seen,
-    since poses differ by a few pixels."""
+    """Returns the light as a camera at another pose, or behind another lens, sees it. New occlusions are ignored, since
+    poses differ by a few pixels."""
     camera = inputs.sides[view.is_right].camera
     to_nominal = camera.camera_to_world
     if to_nominal[:3, 3].any():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Moves and blurs images: cubic resampling, sums of shifts, exact box means over a pattern, blurs that vary over the
-image. SupersampledImages are finer than the camera's pixels and wider than its frame, so that a warp has detail to look
-up."""
+image. SupersampledImages are finer than the camera's pixels and extend beyond its frame, so warped images stay sharp up
+to the border."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from scipy.special import ive
 
 from activestereo.common.computed_once import computed_once
 
-# The most uniform blurs that make up one that varies: by equal steps, and by equal ratios, of variance.
+# Most uniform blurs from which a varying blur is mixed, at equal steps and at equal ratios of variance.
 _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 # A blur's kernel reaches this many standard deviations and one pixel.
 _REACH = 4.0
-# Narrower blurs show nothing: in pixels, and as a share of the widest blur of an image.
+# Narrower blurs are ignored: in pixels, and as a share of the widest blur of an image.
 _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
 # The least margin around a pattern for its convolution, per side.
 _LEAST_ROOM_PX = 8
@@ -146,8 +146,8 @@ class BlurAlong:
     """Blurs images along one axis, -1 (along rows, u) or -2 (along columns, v), by a sigma that varies over the image.
     sigma: [height][width], to be multiplied by a number.
 
-    It mixes a few uniform blurs, whose variances are a constant ratio apart: at most 2 where their number allows.
-    Between equal steps a narrow blur beside the widest would keep a core.
+    Each pixel is a mixture of two uniform blurs. Their variances have a constant ratio, at most 2 where their number
+    allows. At equal steps of variance, narrow blurs mixed with the next wider one would keep a sharp core.
     """
 
     def __init__(self, sigma: np.ndarray, axis: int) -> None:
@@ -182,8 +182,8 @@ def _weights(position: np.ndarray, levels: int) -> _Weights:
 
 def _between_levels(images: np.ndarray, weights: _Weights, kernels: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Returns the images mixed from one uniform blur per level. weights: from _weights(). kernels: two 1-D kernels for
-    each level. A level's kernels are applied only to the rows that use it, because near surfaces stand low in most
-    images."""
+    each level. A level's blur is computed only for the rows that use it. Wide blurs often need few rows, since near
+    surfaces lie low in the image."""
     out = np.zeros(images.shape, np.result_type(images, np.float32))
     for (rows, weight), (kernel_u, kernel_v) in zip(weights, kernels, strict=True):
         if len(weight):

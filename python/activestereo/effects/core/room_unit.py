@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds starting values for a fit of a pattern projector, a unit, that stands in the world.
+"""Finds starting values for the pose and intensity of a second projector that stands in the room (a "unit").
 
-The search first keeps the places whose light would fall onto the surfaces as strongly as the residual's dots show. From
-each place, the residual by direction is correlated with the pattern at all pans and tilts. The best few places are then
-polished, first with a blurred pattern, then with a sharper one.
+The search first keeps the places from which light would fall onto the surfaces as strongly as the residual's dots show.
+At each place the residual is correlated with the pattern at all pans and tilts. The best few poses are polished, first
+with a blurred pattern, then with a sharper one.
 
-On the unit's own image plane pan and tilt nearly shift the pattern, so that a correlation finds the best ones near a
-pose; a turn by more than a few degrees bends it. Farther away the residual is collected by its direction from a place,
-on a grid of azimuths and elevations, along which a pan shifts the pattern exactly. For each of some tilts the pattern
-is drawn once on this grid, and correlations over the azimuth give the gain of all pans."""
+PlaneMatch: on the projector's image plane, a small pan or tilt nearly shifts the pattern, so one correlation finds the
+best ones near a pose. A rotation by more than a few degrees bends the pattern. SphereMatch: on a grid of azimuths and
+elevations around a place, a pan shifts the pattern exactly. For each of some tilts the pattern is drawn once on this
+grid; correlation over the azimuth gives the gain of all pans."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ class SeenPoints(NamedTuple):
         return SeenPoints(*(x[pick] for x in self))
 
     def lit_from(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns vectors from a place [3], or from places [...][3], to the points. Then come the DN that a source of
-        radiant intensity 1 there gives each point."""
+        """Returns (vectors from a place [3], or from places [...][3], to the points; DN [n] that a source of radiant
+        intensity 1 at the place gives each point)."""
         way = self.points - place[..., None, :]
         square = np.maximum((way**2).sum(-1), 1e-6)
         return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
@@ -113,7 +113,7 @@ def pixels_of(
 
 
 class PlaneMatch:
-    """Finds the pan and tilt, near a given pose, at which a projector's blurred pattern fits the residual best. It
+    """Finds the pan and tilt, near a known pose, at which a projector's blurred pattern fits the residual best. It
     correlates on an image plane twice the pattern's size. Poses are (x, y, z, azimuth, elevation, roll), metres and
     radians."""
 
@@ -180,8 +180,8 @@ _REACH_RAD, _AT_ONCE = 1.6, 32
 
 
 class SphereMatch:
-    """Finds the pan and tilt at which a projector's blurred pattern fits the residual best, from each of given places.
-    It tries all pans and tilts; roll is 0."""
+    """Finds the pan and tilt at which a projector's blurred pattern fits the residual best, for each of several places.
+    It tries all azimuths and the tilts of _TILTS_RAD; roll is 0."""
 
     def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
         pattern, K = blurred_pattern(view, sigma_rad, focal_px)

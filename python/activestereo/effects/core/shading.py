@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes how surfaces reflect: how they face camera and projector, the reflectance that rendered layers show, gloss,
-light that scatters below a surface, light that goes through. The highlight is glTF 2.0's dielectric: GGX, exact Fresnel
-reflectance, specularFactor 1.
+"""Computes how surfaces reflect: their angles to camera and projector, the reflectance that rendered layers show,
+gloss, scattering below a surface, transparency. The highlight is glTF 2.0's dielectric: GGX, exact Fresnel reflectance,
+specularFactor 1.
 
 Arrays of cosines and directions may have any leading shape; roughness is a number (alpha = roughness squared); ior is
 1.5 where it is not given, as in glTF."""
@@ -45,7 +45,8 @@ def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) 
 
 
 def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarray:
-    """Returns the highlight's radiance per irradiance, [...]. Walter et al. 2007, height-correlated Smith shadowing."""
+    """Returns the highlight's radiance per irradiance, [...] (Walter et al. 2007; height-correlated Smith
+    shadowing)."""
     n_h, n_l, n_v, h_v = cosines
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
@@ -70,7 +71,7 @@ def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> n
 def base_share(
     cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
 ) -> np.ndarray:
-    """Returns the brightness of the diffuse base below a highlight of strength `factor`, relative to the bare base. The
+    """Returns the factor 0..1 by which a highlight of strength `factor` darkens the diffuse base below it. The
     highlight's layer lets less light in and out, as in the renderer (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
     mean = trapezoid(shares * 2 * cosines, cosines)
@@ -143,9 +144,9 @@ class Facing:
 
 
 def reflectance_of(light: Light, view: View) -> np.ndarray:
-    """Returns the surfaces' diffuse radiance per irradiance, albedo / pi, [height][width], as the light layers show it.
-    Where the projector does not reach, it is guessed from the ambient light by the scene's median ratio. The view
-    remembers it for the latest light."""
+    """Returns the surfaces' diffuse radiance per irradiance, albedo / pi, [height][width], computed from the light.
+    Where the projector does not reach, it is the ambient light times the scene's median ratio of both. The view stores
+    it for the latest light."""
 
     def shown() -> np.ndarray:
         facing = Facing.of(view)
@@ -176,14 +177,14 @@ _PROFILES_KEPT = 4
 
 
 def paths_per_length(albedo: float) -> float:
-    """Returns the mean free path of a medium over the rms distance, along one axis, at which its light leaves.
-    Christensen and Burley 2015 (Approximate reflectance profiles for efficient subsurface scattering): the profile of
-    two exponentials of width d = path / s has an rms distance of sqrt(7) d."""
+    """Returns the ratio of a medium's mean free path to the rms distance, along one axis, between where its light
+    enters and leaves. Christensen and Burley 2015 (Approximate reflectance profiles for efficient subsurface
+    scattering): the profile of two exponentials of width d = path / s has an rms distance of sqrt(7) d."""
     return (1.9 - albedo + 3.5 * (albedo - 0.8) ** 2) / float(np.sqrt(7.0))
 
 
 def reflected(light: Light, view: View, material: kuafu.Material, unrendered: dict[str, float]) -> Light:
-    """Returns the light as if all surfaces had this material's gloss, scattering and transparency, but their own
+    """Returns the light as if all surfaces had this material's gloss, scattering and transparency. Each keeps its own
     diffuse colour. unrendered: see EngineInputs."""
     if material.specular:
         light = _glossy(light, view, material)
@@ -232,8 +233,8 @@ def _scattered_below(light: Light, view: View, material: kuafu.Material, core: f
 
 def _wandered(light: Light, view: View, length_m: float, profile: tuple[tuple[float, float], ...]) -> np.ndarray:
     """Returns two images [2][height][width], blurred as light spreads below the surface: the pattern's value in lit
-    pixels, and the mask of lit pixels. Their ratio is the spread pattern. profile: pairs (weight, width in length_m) of
-    Gaussians."""
+    pixels, and the mask of lit pixels. Their ratio is the spread pattern. length_m: rms length of the spread. profile:
+    pairs (weight, width in length_m) of Gaussians."""
 
     def spread() -> np.ndarray:
         across, down = view.once("blurs below", lambda: tuple(map(BlurAlong, _pixels_per_m(view), (-1, -2))))
@@ -247,9 +248,9 @@ def _wandered(light: Light, view: View, length_m: float, profile: tuple[tuple[fl
 
 
 def _pixels_per_m(view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Returns pixels per metre on the surface along image columns and along rows, [height][width] each. Both are rms
-    values and foreshortened on slanted surfaces. Where nothing is hit, the farthest depth counts. Surfaces turned about
-    both axes move columns and rows together, which is left out."""
+    """Returns (pixels per metre along image columns, the same along rows) on the surface, [height][width] each, rms
+    values. Slanted surfaces are foreshortened. Where nothing is hit, the farthest depth counts. Surfaces turned about
+    both axes couple columns and rows; this is ignored."""
     hit, (x, y) = view.depth_m > 0, view.rays()
     along_x, along_y, along_z = np.moveaxis(view.normal, -1, 0)
     seen = (1.0 + ray**2 - (along - ray * along_z) ** 2 for ray, along in ((x, along_x), (y, along_y)))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lists a scene's surfaces, and restricts effects to some of them, such as a glaze on one object. kuafu knows materials
-only, so each surface of several objects of one material gets a material of its own.
+"""Lists a scene's surfaces, and restricts effects to some of them, such as a glaze on one object. A surface is a
+material on one object. kuafu knows materials only, so each surface gets a material of its own.
 
-A surface that is all of its material has the material's name; others are called `plaster of ball`. The first object of
-a material keeps the material's number; those after it follow the scene's materials."""
+If a single object has the material, the surface has the material's name; else it is called `plaster of ball`. The first
+object of a material keeps the material's number; the others get numbers after all of the scene's materials."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ def surface_text(scene_path: str | Path | None) -> Callable[[int], str]:
 
 
 def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
-    """Returns the numbers of the surfaces on the objects of this name. Raises ValueError where there is no such object,
-    and lists those there are; also where a part of one has no material."""
+    """Returns the numbers of the surfaces on the objects of this name. Raises ValueError, with the known names, if
+    there is no such object; also if a part of one has no material."""
     instances = _instances(read_document(Path(scene_path)))
     chosen = [k for k, instance in enumerate(instances) if instance.name == name]
     if not chosen:

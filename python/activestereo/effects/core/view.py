@@ -26,8 +26,8 @@ def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generato
 
 
 def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
-    """Returns make() for the pixels `pick`, or its stored value from an earlier call. known: list of pairs (pick,
-    value), to which a new one is added."""
+    """Returns make(), or its stored value if it was computed before for the same pixels `pick`. known: the stored pairs
+    (pick, value); a new pair is added."""
     for before, value in known:
         if before is pick or np.array_equal(before, pick):
             return value
@@ -44,8 +44,8 @@ class Layers:
     """One camera's images of light and geometry, float32 [height][width] unless stated. Radiance is the mean over the
     pixel's square.
 
-    direct, indirect: the projector's light at power 1, after one reflection and after more; flat: `direct` under a
-    pattern that is 1 everywhere, NaN in frames under a model; ambient: under uniform radiance 1 from all directions.
+    direct, indirect: the projector's light at power 1, after one reflection and after more. flat: `direct` under a
+    pattern that is 1 everywhere; NaN if rendered under a model. ambient: under uniform radiance 1 from all directions.
     depth_m: z, 0 = nothing hit; normal: [height][width][3], world frame; material: uint32. ambient_direct: the part of
     `ambient` that is reflected once, or None. supersampled: the finer and wider images (direct, indirect, ambient,
     flat) of which the pixels are means, or None.
@@ -66,8 +66,8 @@ class Layers:
         return self.direct + self.indirect
 
     def in_camera(self, camera_to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Returns depth_m, normal and ambient_bounced of a View, float64. The latest pose's are kept, since frames at
-        one pose share their layers."""
+        """Returns depth_m, normal and ambient_bounced of a View, float64. The result for the latest pose is kept, since
+        frames at one pose share their layers."""
         known = self.__dict__.get("_in_camera")
         if known is None or not np.array_equal(known[0], camera_to_world):
             bounced = None

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renders the layers of a loaded scene's base model: under the projector at power 1, and under ambient radiance 1.
 
-Where all surfaces are matt (each has one albedo, or `calibrate world` measured the room), light off the first surface
-follows from geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern, at the centres of squares of
-each pixel. One sample shows it, without noise. Bounced light shows no dots, so it is rendered with few samples in wider
-pixels. Divided by the albedo it is smoothed along surfaces, whatever is painted on them, and interpolated to the
-smaller pixels of the same surface."""
+In a matt world (each surface has one albedo, or `calibrate world` measured the room) the first reflection follows from
+geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern. It is computed at the centres of squares of
+each pixel, by one sample without noise. Bounced light shows no dots, so it is rendered with few samples in wider
+pixels. It is divided by the albedo, smoothed along surfaces, and interpolated to the smaller pixels of the same
+surface."""
 
 from __future__ import annotations
 
@@ -30,11 +30,12 @@ from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedSce
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
 # A pixel of bounced light is WIDE pixels wide; a pixel of a small image has SQUARES squares along each side. Dots and
-# smoothing have angles of their own, so images of more than LARGE_PIXELS need neither more squares nor more samples.
+# smoothing have fixed angular sizes, so images of more than LARGE_PIXELS need neither more squares nor more samples.
 WIDE, SQUARES, LARGE_PIXELS = 2, 2, 2 * 848 * 480
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Shares of samples: bounced light's of a view's samples; direct sky light's of these (effects use it separately).
+# Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light, which effects use separately, gets SKY_SHARE
+# of those.
 BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
 # Smaller images than this get as many samples in all as this many pixels would, up to MOST_TIMES their own.
 SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
@@ -47,7 +48,8 @@ MATT_VERSION = 5
 
 
 class MattSurfaces(NamedTuple):
-    """Holds the surfaces that a camera sees, regardless of their paint, and their infrared albedo [height][width]."""
+    """Holds the geometry of the surfaces that a camera sees, and their infrared albedo [height][width]. The `material`
+    of `surfaces` only tells surface, sky and mixed pixels apart."""
 
     surfaces: Surfaces
     albedo: NDArray[np.float32]

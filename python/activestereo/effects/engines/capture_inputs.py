@@ -2,7 +2,7 @@
 """Makes the EngineInputs of a capture's frame from its calibration, pose and settings, before any effect. Corrects
 calibration and scene by values that a fit finds beside the effects: focal lengths, albedos, material fields.
 
-Puts effects' changes of the world (materials, the medium) into a kuafu scene, and takes them back."""
+Changes the materials and the medium of a kuafu scene as effects ask, and restores them."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ def capture_inputs(
     capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0
 ) -> EngineInputs:
     """Returns the engines' inputs for a frame, with the projector at 1 W/sr and ambient radiance 1. Nuisances (DN per
-    second and gain, found by a fit) scale the images later. A moving frame stands still until an effect opens its
-    shutter."""
+    second and gain, found by a fit) scale the images later. The exposure is an instant, also in a moving frame, until
+    an effect changes it."""
     rig, summary, own = capture.rig, scene.summary, capture.rig.projector
 
     def moved(left_to_it: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, Any]]:
@@ -151,7 +151,7 @@ def world_key(inputs: EngineInputs) -> tuple:
 
 
 def keeps_surfaces(inputs: EngineInputs) -> bool:
-    """Returns whether the inputs change nothing in the world but diffuse albedos: no new gloss, glass, fog or lamp."""
+    """Returns whether the inputs change diffuse albedos at most: no other material field, no fog, no added light."""
 
     same = all(
         record_key(m)

@@ -52,8 +52,8 @@ _KEPT = 3
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """One pose to render, with its engine inputs, and the frames that share the rendered images. Each frame comes with
-    its own inputs, whose powers may differ."""
+    """One rig pose to render, with its engine inputs, and the frames that share its images. Each frame has inputs of
+    its own, whose projector power may differ."""
 
     inputs: EngineInputs
     frames: list[tuple[Frame, EngineInputs]]
@@ -93,8 +93,8 @@ class CaptureRenderer:
 
     @contextmanager
     def _loaded(self, scene_path: Path) -> Iterator[LoadedScene]:
-        """Gives the loaded scene to one thread at a time. After an error the next call loads a new one, since changes
-        may be left in the old one."""
+        """Gives the loaded scene to one thread at a time. After an error the next call loads the scene again, since the
+        old one may hold changes."""
         with self._one_at_a_time:
             digest = scene_digest(scene_path)
             if self._scene is None or digest != self._digest:
@@ -117,9 +117,9 @@ class CaptureRenderer:
     def inputs(
         self, capture: Capture, model: Model, frames: Iterable[Frame] | None, scene_measurement: SceneMeasurement | None
     ) -> list[tuple[Frame, EngineInputs]]:
-        """Returns (frame, the engines' inputs) of all frames; None: of the capture's. The inputs are calibration and
-        settings, the scene measurement's corrections, then the model's deterministic effects. Random effects have no
-        part in an expected image."""
+        """Returns (frame, the engines' inputs) of each frame; frames=None: all of the capture. The inputs are
+        calibration and settings, the scene measurement's corrections, then the model's deterministic effects. Random
+        effects are left out, since images are expected values."""
         pattern, made = capture.rig.projector.pattern(), []
         expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.randomness is Randomness.NONE]
         with self._loaded(capture.scene_path) as world:
@@ -194,8 +194,8 @@ class CaptureRenderer:
     def _images(
         self, scene_path: Path, jobs: list[_Job], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """Returns the rendered images, {output: image}, by job and side: [job][side]. The last renders are kept and
-        reused for changes that move no ray."""
+        """Returns the rendered images, {output: image}, by job and side: [job][side]. The latest renders are kept, for
+        changes that leave all rays as they are."""
         key = (half, *(_job_key(job.inputs) for job in jobs))
         with self._loaded(scene_path) as world:
             if key not in self._kept:
@@ -262,7 +262,7 @@ class CaptureRenderer:
 
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
     """Returns copies of the lights of one render pass, which `own` selects as in _render(). Lights on the rig are moved
-    to their pose delay_s seconds later. The projector's power is 1 W/sr, and scales the images afterwards."""
+    to their pose at delay_s. The rig's projector has 1 W/sr; its power scales the images afterwards."""
     on_rig = [
         *([copy_record(inputs.projector, ir_intensity=1.0)] if own and inputs.projector is not None else []),
         *inputs.rig_lights,

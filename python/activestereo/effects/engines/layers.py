@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests of renders: all that decides the images of one rig pose, and the resolution at which they are rendered."""
+"""Defines requests of renders: everything that decides the images of one rig pose, and the images' resolution."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads a scene file into kuafu, and renders images of its light in the infrared band for capture_renderer.py: under
-even light from all sides, or the room light that was measured on each surface.
+"""Loads a scene file into kuafu, and renders its infrared images for capture_renderer.py. Its ambient light is even
+from all sides, or room light that was measured on each surface.
 
-A scene whose asset has the extras {"room_light": "emission"} stores in each surface's emission the room's light that
-the surface sends out. `activestereo calibrate world` measures it. All bounces are in it, so it lights nothing else.
-Nothing mirrors it: the surfaces of such a scene are matt."""
+`activestereo calibrate world` stores such room light as the surfaces' emission, and marks the asset by the extras
+{"room_light": "emission"}. The emission contains all bounces, so it lights no other surface. The surfaces of such a
+scene are matt, so none mirrors it."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.smooth import smooth_view
 from activestereo.scene_io.scene_files import load_scene_file, read_document
 
-# The share of a pixel's samples for bounced light in such a room. That light is the projector's alone, a hundredth of
-# its direct light. It has no dots, and is blurred over its neighbourhood.
+# The share of a pixel's samples for bounced light in a room with measured light. Only the projector's light bounces
+# there: about a hundredth of its direct light, without dots. A blur over neighbours removes its noise.
 BOUNCED_SHARE = 1.0 / 16.0
 _SPREAD_PX = 1.5
 BOUNCED_VERSION = f"{BOUNCED_SHARE} spread {_SPREAD_PX}"
@@ -76,8 +76,9 @@ class RoomLight:
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
-    """Sets the ambient light of a loaded scene. If the file has measured room light, it is set to 0, and the result is
-    the RoomLight that renders it. Otherwise it is 1 from all sides, and the result is None."""
+    """Sets the ambient light of a loaded scene. If the file has measured room light, the ambient light is 0, and the
+    result is the RoomLight that renders the measured light. Otherwise it is 1 from all sides, and the result is
+    None."""
     if not has_room_light(scene_path):
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         return None
@@ -176,8 +177,8 @@ class LoadedScene:
         return images
 
     def views(self, images: Mapping[str, NDArray], cameras: Sequence[kuafu.Camera]) -> list[dict[str, NDArray]]:
-        """Splits rendered images by camera: returns {output: [height][width][channels]} each, filtered if the renderer
-        smooths."""
+        """Splits rendered images by camera: returns {output: [height][width][channels]} for each. They are filtered if
+        `smooth` was set."""
         views = [{name: image[k] for name, image in images.items()} for k in range(len(cameras))]
         if not self._smooth:
             return views

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Filters the renderer's noise out of bounced and ambient light by an edge-avoiding a-trous wavelet filter (Dammertz et
-al. 2010, HPG). Two independent halves of the samples show the noise.
+al. 2010, HPG). Renders in two independent halves of the samples measure the noise.
 
-Such light is smooth along a diffuse surface, so a pixel may learn from neighbours of the same material that lie in its
-tangent plane. The weights depend on geometry alone, never on the noisy light, so the filter is linear in it. Its mean
-stays within a per cent (measured). Direct light has edges of its own, shadows of lamps and dots of further projectors:
-it is never filtered."""
+Such light is smooth along a diffuse surface, so a pixel is averaged with neighbours of the same material in its tangent
+plane. The weights depend on geometry alone, never on the noisy light, so the filter is linear in the light. The mean
+stays within a per cent (measured). Direct light is never filtered, because it has edges of its own: shadows of lamps
+and dots of further projectors."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ SMOOTH_VERSION = 6
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
 # The filter reaches about this angle at any resolution; each level doubles its reach.
 _REACH_RAD = 0.02
-# Neighbours count less by their distance from the tangent plane, in shares of depth, and by their normals' angle:
-# cosine^24.
+# A neighbour's weight falls with its distance from the tangent plane, in units of this share of depth, and with its
+# normal's angle: cosine^24.
 _PLANE_SHARE = 0.006
 
 
 class Surfaces(NamedTuple):
-    """Geometry of the surfaces that a view's samples see, [height][width]; vectors [3][height][width] in one frame."""
+    """Geometry of the surfaces that an image's samples see, [height][width]; vectors [3][height][width] in one
+    frame."""
 
     depth_m: np.ndarray
     normal: np.ndarray
