@@ -48,8 +48,8 @@ class CacheWarning(UserWarning):
 
 
 class LayerCache:
-    """A folder of cache files `<key>.npz`. A file holds the rendered layers of one rig pose, a set of images, or the
-    fits to one capture. If the files exceed limit_bytes (None: default_limit_bytes()), the least recently used are
+    """A folder of cache files `<key>.npz`, each with named arrays: the rendered layers of one rig pose, images, or the
+    fits to a capture. If the files exceed limit_bytes (None: default_limit_bytes()), the least recently used are
     removed."""
 
     def __init__(self, folder: str | Path | None = None, limit_bytes: int | None = None) -> None:

@@ -34,7 +34,7 @@ _MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
 def expose(
     expected_dn: np.ndarray, gain: float, noise_model: NoiseModel, max_dn: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draws one noisy image from an expected one, DN [height][width]; returns whole DN in float32, at most max_dn. The
+    """Draws a noisy image from the expected image, DN [height][width]; returns whole DN in float32, 0..max_dn. The
     noise model's quadratic term becomes gamma-distributed speckle, the other terms normal noise."""
     signal = np.maximum(expected_dn - noise_model.black_dn, 0.0)
     variance = np.maximum(noise_model.offset - ROUNDING_VARIANCE + noise_model.shot * gain * signal, 0.0)

@@ -258,7 +258,7 @@ class StripView:
 
 
 class StripWorld(StripView):
-    """A StripView of the small test world, rendered once. An effect that cannot be seen there is shown in
+    """A StripView of the small test world, rendered once. If an effect is invisible in its light, a strip shows it in
     brighter light."""
 
     def __init__(self, renderer: Renderer, cache: LayerCache | None = None) -> None:

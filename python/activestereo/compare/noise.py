@@ -333,8 +333,8 @@ def pair_noise_model(pairs: Iterable[tuple[MeasuredImage, MeasuredImage]], black
 
 
 def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float, float, float]]:
-    """Returns rows (gain, mean, variance of one camera, weight) by brightness, from one frame's difference of the
-    cameras."""
+    """Returns rows (gain, mean, variance of one camera, weight), one for each bin of brightness, from one frame's
+    pair."""
     warp = warp_between(left.view, right.view)
     image, there = np.asarray(left.measured, np.float64), warp.read(right.measured)
     rest = image - there

@@ -106,7 +106,7 @@ def noise_square(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def mean_of_halves(halves: Halves) -> LayersOfFrames:
-    """Returns the mean light of two half renders, with the first one's geometry; frames with the same halves share one
+    """Returns the mean light of two half renders, with the first half's geometry. Frames with the same halves share the
     result."""
     known: dict[tuple[int, int], Layers] = {}
     names = "direct", "indirect", "ambient", "flat", "ambient_direct"

@@ -118,8 +118,9 @@ class BlockBootstrap:
         self.weights = rng.poisson(1.0, (draws, groups)).astype(np.float32)
 
     def ratios(self, numerators: Sequence[np.ndarray], denominator: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Returns for each numerator: (sum(numerator) / sum(denominator) over groups, [bins], and its draws
-        [draws][bins]); NaN where the denominator is 0. numerators, denominator: arrays [groups][bins]."""
+        """Returns a pair for each numerator: sum(numerator) / sum(denominator) over groups, [bins], and the same of
+        each bootstrap sample, [draws][bins]. NaN where the denominator is 0. numerators, denominator: arrays
+        [groups][bins]."""
         columns = [np.asarray(sums, dtype=np.float32) for sums in (denominator, *numerators)]
         drawn = np.split(self.weights @ np.concatenate(columns, axis=1), len(columns), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -127,14 +128,15 @@ class BlockBootstrap:
 
 
 def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (low, high), the bounds of the central 95 % of draws [draws][...]."""
+    """Returns (low, high), the bounds of the central 95 % of bootstrap values [draws][...]."""
     low, high = np.nanpercentile(draws, (2.5, 97.5), axis=0)
     return low, high
 
 
 def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
-    """Computes the max-t test that all values [bins] are 0. Returns (the largest |value / standard error|; the same of
-    each draw under this hypothesis, [draws]). draws: bootstrap values, [draws][bins]."""
+    """Computes the max-t test of the hypothesis that all values [bins] are 0. Returns (the largest |value / standard
+    error|; the same statistic of each bootstrap sample under this hypothesis, [draws]). draws: the bootstrap's values,
+    [draws][bins]."""
     deviation = np.nanstd(draws, axis=0)
     usable = np.isfinite(value) & np.isfinite(draws).all(axis=0) & (deviation > 0)
     if not usable.any():

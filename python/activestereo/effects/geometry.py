@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of cameras that stand or draw otherwise than calibrated."""
+"""Effects of cameras whose pose or lens differs from the calibration."""
 
 import numpy as np
 

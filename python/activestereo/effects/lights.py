@@ -28,14 +28,15 @@ _RowSums = tuple[Frame, np.ndarray, np.ndarray]
 
 
 def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Returns the best few fits of flicker as {depth, frequency_hz, phase_rad, line_time_s}, best first. Each has
-    another frequency, because a few frames hardly tell frequencies apart. The likelihood has a peak every hundredth of
-    a hertz, so all frequencies are tried.
+    """Returns the best few fits of flicker as {depth, frequency_hz, phase_rad, line_time_s}, best first. Their
+    frequencies differ, because a few frames hardly determine the frequency. The likelihood has a peak every hundredth
+    of a hertz, so all frequencies are tried.
 
     The residual of a row is linear in the sine and cosine of the flicker's phase at the row's time. Each pair of
-    frequency and line time is therefore a regression on a few sums per row. The ambient level is fitted as well: a fit
-    without flicker took the mean of a few phases for it. Light is never negative, so a wave larger than its mean counts
-    as one of that size. Slow waves, of which frames show a few similar phases, would otherwise pass for the level."""
+    frequency and line time is therefore a regression on a few sums per row. The ambient level is fitted as well, since
+    the fit without flicker took the mean of a few phases for the level. Light is never negative, so an amplitude above
+    the mean is limited to the mean. Else slow waves, which frames show at a few similar phases, would replace the
+    level."""
     rows = []
     for image in images:
         weighted = image.weight * image.ambient
@@ -103,9 +104,9 @@ _IMAGES, _PIXELS, _UNITS = 3, 6000, 4
 
 
 def unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Returns intensity, place and yaw of the best few places of a second unit on the rig, {parameter: value} each. Its
-    dots match the picture from one place alone, so a fine grid of places beside the rig is tried, each at its best yaw.
-    Images without the own projector's dots are taken first."""
+    """Returns intensity, position and yaw of the best few poses of a second projector on the rig, {parameter: value}
+    each. Its dots match the image from one position alone, so a fine grid of positions beside the rig is tried, each at
+    its best yaw. Images with the least power of the rig's own projector are used."""
     chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
     if not chosen:
         return []

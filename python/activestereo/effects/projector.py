@@ -111,8 +111,8 @@ def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: fl
 
 
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
-    """Returns starting values at the places of the pattern where measured dots are dimmest beside the model's. The
-    residual's regression on the dots around a place tells how dim."""
+    """Returns starting values at the pattern's places where measured dots are dimmest relative to the expected ones. A
+    regression of the residual on the dots around a place estimates how dim they are."""
     moment, power = np.zeros((2, len(_GRID), len(_GRID)))
     for image in images:
         x, y = (t.ravel() for t in tangents(image.view))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes model.json, one file with everything known of one sensor. The lab writes it and the simulator reads
-it.
+"""Reads and writes model.json, the file of a SensorModel: all that is known of a sensor. The lab writes it and the
+simulator reads it.
 
     model = read_model("out/diagnosis/model.json")
     sensor = StereoDepthSensor(StereoDepthSensorConfig.from_model(model), "scene.gltf", model=model)

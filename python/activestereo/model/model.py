@@ -117,8 +117,8 @@ class MeasuredPose:
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect with its parameters. surfaces: names of the materials that show it, () = all; they stand in for the
-    parameter `surfaces`."""
+    """An effect with its parameters. surfaces: names of the materials that show it, () = all. They replace the
+    parameter `surfaces`, which holds numbers."""
 
     effect: Effect
     parameters: Mapping[str, Quantity]

@@ -65,8 +65,8 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:
-    """Returns the content of model.json. pattern_file: name of the pattern's image beside it; None = the pattern's own
-    path. Each section says whether the engines simulate it."""
+    """Returns the content of model.json. pattern_file: name of the pattern's image in the same folder; None: the path
+    in model.pattern. Each section says whether the engines simulate it."""
     root: dict[str, Any] = {"format": FORMAT, "version": VERSION, **_source(model.source)}
     if (rig := model.rig) is not None:
         root["rig"] = {"left": rig.left.as_json(), "right": rig.right.as_json()}

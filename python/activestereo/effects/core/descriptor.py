@@ -215,12 +215,12 @@ class Parameter:
 class Effect:
     """The descriptor of one effect. The head of this file says what `apply` takes and returns.
 
-    engine(inputs, **parameters): changes EngineInputs in place, the fields named in engine_fields, see engine.py; None
-    where no engine field expresses the effect, for the reason in image_only. judged: how the lab finds the effect,
-    where it does not change the expected image. starts: proposes starting values of a fit, where a coarse scan of the
-    parameters would miss. finding: the sentence that a verdict shows, without its full stop. remembers: the effect
-    finds its result for the frame before in view.before. is_pointwise: each pixel's light depends on that pixel alone,
-    so that fits compute only some pixels. At READOUT it means that all pixels follow one curve.
+    engine(inputs, **parameters): changes the fields engine_fields of EngineInputs in place, see engine.py. None: no
+    engine field expresses the effect, for the reason in image_only. judged: how the lab finds the effect if it does not
+    change the expected image. starts: proposes starting values of a fit, where a coarse scan of the parameters would
+    miss the optimum. finding: the sentence that a verdict shows, without its full stop. remembers: the effect gets its
+    result for the frame before in view.before. is_pointwise: each pixel's light depends on that pixel alone, so that
+    fits compute only some pixels. At READOUT it means that all pixels follow one curve.
     """
 
     id: str

@@ -84,7 +84,7 @@ class Model:
         return np.minimum(np.maximum(value, 0.0), view.max_dn)
 
     def depth(self, depth_m: np.ndarray, view: View, stream: dict[str, np.ndarray] | None = None) -> np.ndarray:
-        """Returns the device's depth image from a matched one: left camera, metres, 0 = none. view: the left camera's.
+        """Returns the device's depth image from the matcher's: left camera, metres, 0 = none. view: the left camera's.
 
         stream: {effect id: its result for the frame before}, updated in place for effects that remember; None: the
         first frame of a stream.

@@ -224,7 +224,8 @@ class SphereMatch:
 
 def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
     """Returns two images over directions from a place, [2][row][column]; rows are elevations, columns azimuths. They
-    are the gradient and the curvature of chi squared by the intensity that a source there sends in each direction."""
+    are the gradient and the curvature of chi squared with respect to the intensity that a source at the place sends in
+    each direction."""
     way, lit = seen.lit_from(place)
     left = seen.fit_even_beam(lit)
     column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
@@ -237,8 +238,8 @@ def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
 
 
 def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
-    """Correlates measured images of directions with the pattern drawn at each tilt. Returns [place][tilt][pan]; the
-    pans are `columns` in number. gathered: [place][row][column]. conjugate: the drawn patterns' conjugate spectra
+    """Correlates measured images of directions with the pattern, drawn at each tilt. Returns [place][tilt][pan], with
+    `columns` pans. gathered: [place][row][column]. conjugate: the drawn patterns' conjugate spectra
     [wave][row][tilt]."""
     waves = len(conjugate)
     of_gathered = np.ascontiguousarray(fft.rfft(gathered, axis=2)[..., :waves].transpose(2, 0, 1))

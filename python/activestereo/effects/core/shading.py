@@ -45,8 +45,8 @@ def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) 
 
 
 def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarray:
-    """Returns the highlight's radiance per irradiance, [...] (Walter et al. 2007; height-correlated Smith
-    shadowing)."""
+    """Returns the highlight's radiance per irradiance, [...]: GGX of Walter et al. 2007, height-correlated Smith
+    shadowing."""
     n_h, n_l, n_v, h_v = cosines
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)
@@ -71,8 +71,8 @@ def reflected_share(cosine: np.ndarray, roughness: float, ior: float = IOR) -> n
 def base_share(
     cosine_in: np.ndarray, cosine_out: np.ndarray, roughness: float, factor: float, ior: float = IOR
 ) -> np.ndarray:
-    """Returns the factor 0..1 by which a highlight of strength `factor` darkens the diffuse base below it. The
-    highlight's layer lets less light in and out, as in the renderer (Kelemen and Szirmay-Kalos 2001)."""
+    """Returns the brightness of the diffuse base below a highlight of strength `factor`, over that of the bare base.
+    The highlight's layer lets less light in and out, as in the renderer (Kelemen and Szirmay-Kalos 2001)."""
     cosines, shares = _shares(float(roughness), float(ior))
     mean = trapezoid(shares * 2 * cosines, cosines)
     let_in, let_out = (1.0 - factor * reflected_share(cosine, roughness, ior) for cosine in (cosine_in, cosine_out))

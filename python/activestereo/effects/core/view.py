@@ -83,13 +83,13 @@ class Layers:
 
 @dataclass(frozen=True)
 class View:
-    """One camera of one frame. Arrays are [height][width]. K: intrinsics [3][3]. depth_m: z, 0 = nothing there. normal:
+    """One camera of one frame. Arrays are [height][width]. K: intrinsics [3][3]. depth_m: z, 0 = no surface. normal:
     [height][width][3], unit, camera coordinates. pattern: relative radiant intensity 0..1. a_to_b: maps coordinates in
-    a to those in b. distortion: of the nominal camera, see activestereo/common/lens.py. material: index in the scene
-    file, or None. ambient_bounced: the share of ambient light that comes over other surfaces, or None = unknown. known:
-    bool, where the scene is known; None = everywhere. binning: images average binning x binning pixels. before: the
-    result that an effect with memory gave for the frame before; None at the start of a stream. Effects on disparity and
-    depth get the left camera's view."""
+    a to those in b. distortion: of the nominal camera, see activestereo/common/lens.py. material: number in the scene
+    file, or None. ambient_bounced: share of the ambient light that other surfaces have reflected before, or None =
+    unknown. known: mask of pixels whose scene is known; None = all. binning: images average binning x binning pixels.
+    before: the result of an effect with memory for the frame before; None at the start of a stream. Effects on
+    disparity and depth get the left camera's view."""
 
     side: str
     K: np.ndarray
@@ -188,7 +188,7 @@ class View:
         return self.once("rays", lambda: _read_only(*to_tangents(*self.pixels(), self.K, self.distortion)))
 
     def to_pixels(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (u, v) at which the nominal camera draws the direction (x, y, 1)."""
+        """Returns the pixel position (u, v) to which the nominal camera projects the direction (x, y, 1)."""
         return to_pixels(x, y, self.K, self.distortion)
 
     def field(self) -> tuple[np.ndarray, np.ndarray]:
@@ -261,8 +261,8 @@ def drawn_by(
     shape: tuple[int, int], k: tuple[float, ...], nominal: tuple[float, ...], other_k: tuple[float, ...],
     other: tuple[float, ...],
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Returns (u, v), [height][width] each: a nominal camera's pixel position for each pixel ray of another camera. k,
-    other_k: their intrinsics, row by row; nominal, other: their lenses."""
+    """Returns (u, v), [height][width] each: the pixel position in a nominal camera of the ray through each pixel of
+    another camera. k, other_k: their intrinsics, row by row; nominal, other: their lenses' distortion."""
     # Cameras with the same lens differ by their intrinsics alone.
     own, lens = ((), ()) if nominal == other else (nominal, other)
     u, v = to_pixels(*to_tangents(*_pixels(shape), np.reshape(other_k, (3, 3)), lens), np.reshape(k, (3, 3)), own)

@@ -60,11 +60,11 @@ class _Job:
 
 
 class CaptureRenderer:
-    """Renders captures in kuafu: call it for a RenderRequest's layers, lights() or expected() for frames under a model.
-    The last scene is kept loaded, as its file has it; an edited file is loaded again.
+    """Renders captures in kuafu. Call it for a RenderRequest's layers; lights() and expected() render frames under a
+    model. The latest scene stays loaded, as in its file; an edited file is loaded again.
 
     device: 'auto', 'cpu', an index or a kuafu.Device. samples_per_pixel, max_bounces, seed: of frames under a model; a
-    request has its own. Every call has the same seed, and frames have the same places in the batch. Images of two
+    request has its own. Every call uses the same seed, and frames have the same positions in the batch. Images of two
     models therefore differ by the models alone, not by noise. smooth: filters bounced and ambient light on matt
     surfaces, see smooth.py. traced: path-traces the layers of matt worlds, too, with the noise of frames under a model.
     Raises kuafu.NoDeviceError or kuafu.FileError.
@@ -140,9 +140,9 @@ class CaptureRenderer:
         progress: Progress | None = None,
         half: int | None = None,
     ) -> dict[ImageKey, Layers]:
-        """Returns {(frame id, side): Layers} of the frames, all by default. Frames that differ in exposure, power
-        or gain alone share their images. All poses with the same materials and medium are one render. half: 0 or 1, one
-        of two independent halves of the samples (smooth.py)."""
+        """Returns {(frame id, side): Layers} of the frames, all by default. Frames that differ only in exposure, power
+        or gain share their images. All poses with the same materials and medium are one render. half: 0 or 1, one of
+        two independent halves of the samples (smooth.py); None: all samples."""
         jobs: dict[tuple, _Job] = {}
         for frame, inputs in self.inputs(capture, model, frames, scene_measurement):
             jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))

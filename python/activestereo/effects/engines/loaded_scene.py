@@ -76,9 +76,8 @@ class RoomLight:
 
 
 def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) -> RoomLight | None:
-    """Sets the ambient light of a loaded scene. If the file has measured room light, the ambient light is 0, and the
-    result is the RoomLight that renders the measured light. Otherwise it is 1 from all sides, and the result is
-    None."""
+    """Sets the ambient light of a loaded scene. With measured room light in the file the ambient light is 0, and the
+    result is the RoomLight that renders it. Otherwise the ambient light is 1 from all sides, and the result is None."""
     if not has_room_light(scene_path):
         scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
         return None

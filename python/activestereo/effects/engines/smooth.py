@@ -30,7 +30,7 @@ _PLANE_SHARE = 0.006
 
 
 class Surfaces(NamedTuple):
-    """Geometry of the surfaces that an image's samples see, [height][width]; vectors [3][height][width] in one
+    """Geometry of the surfaces that an image's samples see, [height][width]; vectors [3][height][width] in any
     frame."""
 
     depth_m: np.ndarray
@@ -77,8 +77,8 @@ def _filter(image: np.ndarray, surfaces: Surfaces, step: int) -> np.ndarray:
 
 
 def alike(here: Surfaces, there: Surfaces) -> np.ndarray:
-    """Returns weights 0..1 of pairs of samples: 1 if both lie on one plane of one material, towards 0 as their planes
-    differ."""
+    """Returns weights 0..1 of pairs of samples: 1 if both lie on one plane of one material, less if their planes
+    differ, 0 if their materials differ."""
     cosine = np.maximum(_dot(here.normal, there.normal), np.float32(1e-6))
     eighth = cosine * cosine
     eighth *= eighth
