@@ -159,7 +159,7 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
             key, expected = (frame.id, side), errors.predictions[frame.id, side]
             view, material = errors.views[key], errors.layers[frame.id][side].material
             maps[key] = covariate_maps(view, material, expected, capture.rig.baseline_m)
-            # Each pixel's variance by the noise model, scaled to the image's own floor; 0 if that is unknown.
+            # Each pixel's variance by the noise model, scaled to the image's mean variance; 0 if that is unknown.
             floor = np.zeros(expected.shape)
             if key in errors.noise_variances and noise_model is not None:
                 variance, own = noise_model.variance(expected, frame.gain), errors.noise_variances[key][0]

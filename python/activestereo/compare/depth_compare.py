@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from activestereo.effects.core.view import View
 
 
-# Farther than the engine's own default, because a device's 16 bits of depth reach this far.
+# Farther than the engine's default, because a device's 16 bits of depth in millimetres reach this far.
 _DEFAULT_MAX_DEPTH_M = 65.0
 _MAX_DISPARITY = next(p for p in MATCHER if p.name == "max_disparity")
 

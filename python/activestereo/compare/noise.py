@@ -386,9 +386,9 @@ def noise_of_images(
     return known | {key: (v, "noise model") for key, v in others.items()}, noise_model
 
 
-# Neighbouring rows that are taken to see one brightness: 0.4 ms at 26 us a line, a twentieth of a period of 120 Hz.
+# Rows over which a lamp's brightness counts as constant: 0.4 ms at 26 us a row, a twentieth of a period of 120 Hz.
 _LAMP_ROWS = 15
-# Share of the rows' change that neighbours have to have in common; independent rows have 1 / _LAMP_ROWS.
+# Least share of the rows' squared change that neighbouring rows have in common; independent rows have 1 / _LAMP_ROWS.
 _LAMP_SHARE = 0.5
 
 

@@ -103,7 +103,7 @@ def pair_findings(
     ]
     if device_disparity is None:
         return found
-    # 4. Own disparity = (1 + scale) x the device's + offset: with one of the two, and with both.
+    # 4. Our disparity = (1 + scale) x the device's + offset: fitted with scale alone, offset alone, and both.
     device = np.asarray(device_disparity)
     both = (disparity > 0) & (device > 0)
     apart = disparity - device

@@ -72,7 +72,7 @@ def covariate_maps(
     distance = np.linalg.norm(way, axis=-1)
     cosine = np.maximum((way * view.normal).sum(-1), 0.0) / np.maximum(distance, 1e-9)
     irradiance = frame.projector_power * DotView.of(view).nominal() * cosine / np.maximum(distance, 1e-9) ** 2
-    # 3. The image speed of the static scene: optical flow of the rig's own twist, pixels per second.
+    # 3. The image speed of the static scene, pixels per second: the optical flow that the rig's motion causes.
     speed: Any = 0.0
     if frame.is_moving:
         velocity, spin = view.left_to_camera[:3, :3] @ frame.camera_velocity.reshape(2, 3, 1)
@@ -118,9 +118,8 @@ class BlockBootstrap:
         self.weights = rng.poisson(1.0, (draws, groups)).astype(np.float32)
 
     def ratios(self, numerators: Sequence[np.ndarray], denominator: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Returns a pair for each numerator: sum(numerator) / sum(denominator) over groups, [bins], and the same of
-        each bootstrap sample, [draws][bins]. NaN where the denominator is 0. numerators, denominator: arrays
-        [groups][bins]."""
+        """Returns for each numerator (sum(numerator) / sum(denominator) over groups, [bins]; its bootstrap values
+        [draws][bins]), NaN where the denominator is 0. numerators, denominator: arrays [groups][bins]."""
         columns = [np.asarray(sums, dtype=np.float32) for sums in (denominator, *numerators)]
         drawn = np.split(self.weights @ np.concatenate(columns, axis=1), len(columns), axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -134,9 +133,8 @@ def interval(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def max_t(value: np.ndarray, draws: np.ndarray) -> tuple[float, np.ndarray]:
-    """Computes the max-t test of the hypothesis that all values [bins] are 0. Returns (the largest |value / standard
-    error|; the same statistic of each bootstrap sample under this hypothesis, [draws]). draws: the bootstrap's values,
-    [draws][bins]."""
+    """Computes the max-t test that all values [bins] are 0. Returns (the largest |value / standard error|; the same of
+    each bootstrap sample under this hypothesis, [draws]). draws: bootstrap values, [draws][bins]."""
     deviation = np.nanstd(draws, axis=0)
     usable = np.isfinite(value) & np.isfinite(draws).all(axis=0) & (deviation > 0)
     if not usable.any():

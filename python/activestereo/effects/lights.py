@@ -33,10 +33,9 @@ def flicker_starts(images: list[StartImage]) -> list[dict[str, float]]:
     of a hertz, so all frequencies are tried.
 
     The residual of a row is linear in the sine and cosine of the flicker's phase at the row's time. Each pair of
-    frequency and line time is therefore a regression on a few sums per row. The ambient level is fitted as well, since
-    the fit without flicker took the mean of a few phases for the level. Light is never negative, so an amplitude above
-    the mean is limited to the mean. Else slow waves, which frames show at a few similar phases, would replace the
-    level."""
+    frequency and line time is therefore a regression on a few sums per row. The ambient level is fitted, too: a fit
+    without flicker took the mean of a few phases for it. Light is never negative, so an amplitude above the mean is
+    limited to the mean. Otherwise slow waves, of which frames show a few similar phases, would pass for the level."""
     rows = []
     for image in images:
         weighted = image.weight * image.ambient
@@ -97,8 +96,8 @@ def _row_waves(height: int, line_time: float) -> np.ndarray:
     return (coarse[:, None] * fine).reshape(-1, height)[: len(_FREQUENCIES_HZ)]
 
 
-# The places beside the rig's projector that are tried, a dot's width apart as seen from the scene, and tangents of the
-# largest tilt (a dot's width) and yaw.
+# Positions up to _REACH_M beside the rig's projector are tried, in steps of a dot's width as seen from the scene.
+# _LARGEST_TURNS are tangents of the largest tilt (a dot's width) and yaw.
 _REACH_M, _STEP_RAD, _LARGEST_TURNS = 0.4, 0.009, (0.009, 0.3)
 _IMAGES, _PIXELS, _UNITS = 3, 6000, 4
 

@@ -40,8 +40,8 @@ class MeasuredProjector(Projector):
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
-    """Returns the capture with the model's K, lenses, baseline, projector, pattern and poses, as far as the model has
-    them. Raises ValueError if the model is for another image size."""
+    """Returns the capture with the model's K, lenses, baseline, projector, pattern and poses; parts that the model
+    lacks stay. Raises ValueError if the model is for another image size."""
     rig = capture.rig
     if model.rig is not None:
         for name, camera, side in (("left", rig.left, model.rig.left), ("right", rig.right, model.rig.right)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Describes a sensor model in words, and the differences of two models."""
+"""Describes a sensor model, and the differences between two models, as text."""
 
 from __future__ import annotations
 

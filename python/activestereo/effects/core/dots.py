@@ -100,7 +100,7 @@ class DotView:
         lengths."""
         K, view = self._view.projector_K, self._view
         ratio_u, ratio_v = K[0, 0] / view.K[0, 0], K[1, 1] / view.K[1, 1]
-        # Along epipolar lines the step depends on slant; one-sided differences, the smaller of both sides.
+        # Along epipolar lines the step depends on the surface's slant. It is the smaller of both one-sided differences.
         step = np.diff(self.u, axis=1)
         step = np.minimum(
             np.abs(np.pad(step, ((0, 0), (1, 0)), "edge")), np.abs(np.pad(step, ((0, 0), (0, 1)), "edge"))

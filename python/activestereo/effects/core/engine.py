@@ -2,7 +2,7 @@
 """Defines the inputs of both engines for one exposure.
 
 An effect's `engine` function changes EngineInputs in place; its keyword arguments are the effect's parameters. moved.py
-makes effects of such functions, and computes images of the changed fields without a render. Records are kuafu's own
+makes effects of such functions, and computes images under the changed fields without a render. Records are kuafu's
 (kuafu.Camera, kuafu.Optics, kuafu.Light, kuafu.Material, kuafu.Medium). A signal is a dict of simsense_signal's fields,
 so a wrong field name is an error. Nothing here runs an engine.
 """

@@ -80,7 +80,7 @@ def _dots(shape: tuple[int, int]) -> np.ndarray:
 
 
 def example_value(stage: Stage, view: View) -> Light | np.ndarray:
-    """Returns an input for an effect of the stage: a Light, radiance, DN up to beyond full scale, disparity or
+    """Returns an input for an effect of the stage: a Light, radiance, DN (some above full scale), disparity or
     depth."""
     height, width = view.shape
     v, u = np.mgrid[0:height, 0:width].astype(np.float64)

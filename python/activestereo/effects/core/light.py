@@ -75,7 +75,7 @@ class Light:
         return self._once(("sum", names), partial(self._later.image, names))
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (projector light, ambient light) of some pixels, float64 [n] each. pick: flat indices of the
+        """Returns (projector light, ambient light) of the selected pixels, float64 [n] each. pick: flat indices of the
         pixels."""
         later, has_images = self._later, {"direct", "indirect", "ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
@@ -88,7 +88,7 @@ class Light:
         return seen
 
     def at(self, pick: np.ndarray) -> Light:
-        """Returns the light of some pixels alone, as images [1][n]. pick: flat indices of the pixels."""
+        """Returns the light of the selected pixels alone, as images [1][n]. pick: flat indices of the pixels."""
         at = self._later and self._later.at
         image = lambda name: at((name,), pick) if at else getattr(self, name).ravel()[pick]  # noqa: E731
         some: Light = once_of_picked(

@@ -333,7 +333,7 @@ class SupersampledImages:
 
     @computed_once
     def _splines(self) -> list[Spline]:
-        """Returns one Spline per image; one set serves every warp of a fit."""
+        """Returns one Spline per image, kept because every warp of a fit needs it."""
         return [Spline(image) for image in self.images()]
 
     @computed_once

@@ -223,9 +223,8 @@ class SphereMatch:
 
 
 def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
-    """Returns two images over directions from a place, [2][row][column]; rows are elevations, columns azimuths. They
-    are the gradient and the curvature of chi squared with respect to the intensity that a source at the place sends in
-    each direction."""
+    """Returns two images of directions from a place, [2][row][column]; rows are elevations, columns azimuths. They are
+    the gradient and curvature of chi squared by the intensity that a source at the place sends in each direction."""
     way, lit = seen.lit_from(place)
     left = seen.fit_even_beam(lit)
     column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS

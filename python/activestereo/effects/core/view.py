@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers hold rendered images of one camera. A View holds all that an effect may know of one image: camera, rig,
-geometry, frame settings, and random numbers.
-Seed and name determine a random stream, so every caller gets the same numbers."""
+"""Defines Layers, the rendered images of one camera, and View, all that an effect may know of one image: camera, rig,
+geometry, frame settings, and random numbers. Seed and name determine a random stream, so every caller gets the same
+numbers."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ class View:
         return self.once("projector points", lambda: _read_only(transform(self.camera_to_projector, self.points()))[0])
 
     def at(self, pick: np.ndarray) -> PickedView:
-        """Returns a view of some pixels alone, as an image [1][n]. pick: flat indices of the pixels."""
+        """Returns a view of the selected pixels alone, as an image [1][n]. pick: flat indices of the pixels."""
         known = self.once("picked", list)
         some: PickedView = once_of_picked(known, pick, lambda: PickedView.of_pixels(self, pick))
         return some
@@ -228,7 +228,7 @@ class View:
 
 @dataclass(frozen=True)
 class PickedView(View):
-    """Some pixels of a whole View, at flat indices `pick`, as an image [1][n] for effects that are pointwise."""
+    """Selected pixels of a whole View, at flat indices `pick`, as an image [1][n] for effects that are pointwise."""
 
     whole: View = field(kw_only=True)
     pick: np.ndarray = field(kw_only=True)

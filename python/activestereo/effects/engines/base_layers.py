@@ -37,9 +37,9 @@ SURFACE = "depth", "normal", "material_id"
 # Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light, which effects use separately, gets SKY_SHARE
 # of those.
 BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
-# Smaller images than this get as many samples in all as this many pixels would, up to MOST_TIMES their own.
+# Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel.
 SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
-# Least weight of a neighbour, so that a pixel without a neighbour on its own surface takes all of them.
+# Least weight of a neighbour: a pixel without a neighbour on the same surface averages all neighbours.
 _LEAST_ALIKE = 1e-4
 # Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
 _MIXED = 2
@@ -73,8 +73,8 @@ def surfaces_of(
 
 
 def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
-    """Returns whether every material of a scene reflects by Lambert's law alone, and the scene has no light of its own.
-    is_painted: allows albedo textures, for a scene that only the projector lights."""
+    """Returns whether all materials of a scene reflect by Lambert's law alone, and the scene has no light of its own.
+    is_painted: allows albedo textures, for a scene whose only light to trace is the projector's."""
     seen = scene.summary
     for m in (scene.get_material(number) for number in range(0 if seen.light_count else seen.material_count)):
         paint = () if is_painted else (m.base_color_texture, m.ir_albedo_texture)
@@ -128,9 +128,9 @@ FLAT_SHARE = 0.5
 
 
 class FirstSurfaces(NamedTuple):
-    """Caches the surfaces that a matt world's cameras see first. light: for each camera, (the pattern's light reflected
-    there, the same under a pattern that is 1 everywhere). albedo: of the squares, [camera][height][width][1]. seen:
-    images of these surfaces, named in SURFACE."""
+    """Caches what a matt world's cameras see before any bounce. light: for each camera, (the projector's light after
+    one reflection, the same under a pattern that is 1 everywhere). albedo: of the squares, [camera][height][width][1].
+    seen: images of these surfaces, by the names in SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     albedo: NDArray[np.float32]
@@ -161,8 +161,8 @@ def matt_layers(
     world: LoadedScene, request: RenderRequest, kept: dict[str, FirstSurfaces],
     progress: Progress | None,
 ) -> tuple[Layers, ...]:  # fmt: skip
-    """Renders the layers of a matt world by geometry and a few samples. kept: the first surfaces of the latest
-    request, by a key without the seed, because they have no noise."""
+    """Renders the layers of a matt world by geometry and a few samples. kept: a cache of the latest request's first
+    surfaces. Its key leaves out the seed, because they have no noise."""
     images, spp, seed = world.images, request.samples_per_pixel, request.seed
     wide = [_resized(camera, 1.0 / WIDE) for camera in request.cameras]
     # Small images get a larger share of samples for bounced light, and large ones a smaller share.

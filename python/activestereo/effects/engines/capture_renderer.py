@@ -210,7 +210,7 @@ class CaptureRenderer:
     ) -> list[list[dict[str, NDArray]]]:
         images = self._render(world, jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
         if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
-            # All projectors share one pair of outputs, so a second render gives the further ones, which light the room.
+            # All projectors share one pair of outputs. Added ones count as ambient light, so they need a second render.
             others = self._render(world, jobs, LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
