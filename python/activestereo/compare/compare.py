@@ -150,8 +150,8 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
 
 
 def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int) -> dict[str, Any]:
-    """Returns the entries `where` and `channels` of compare.json: where errors lie, and how large they are. Train
-    frames only."""
+    """Returns the entries `where` and `channels` of compare.json: tables of the train frames' errors by covariate, and
+    sizes."""
     capture, noise_model, maps = errors.capture, errors.noise_model, {}
     images: dict[str, list[ResidualImage]] = {"infrared": [], "disparity": [], "validity": []}
     for frame in capture.split("train"):

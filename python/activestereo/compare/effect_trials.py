@@ -50,8 +50,7 @@ _Change: TypeAlias = Callable[[Model, bool], NDArray[np.float64]]
 
 
 class Trial:
-    """Compares effects with the engines in the small test world, rendered with two seeds, whose files lie in
-    `folder`."""
+    """Compares effects with the engines in the small test world, rendered with two seeds. Its files lie in `folder`."""
 
     def __init__(self, folder: Path, device: str | int = "auto") -> None:
         capture = trial_capture(folder)

@@ -138,8 +138,8 @@ class ImageErrors:
         ]
 
     def _pooled(self, frames: Sequence[Frame], more: dict[str, Any]) -> dict[str, Any]:
-        """Returns errors pooled over frames and cameras, the entries of `more`, and each camera's errors as
-        "cameras"."""
+        """Returns errors pooled over frames and cameras, the entries of `more`, and "cameras": errors of each
+        camera."""
         own = {side: [self._sums[frame.id, side] for frame in frames] for side in SIDES}
         cameras = {side: _pool(images) for side, images in own.items()}
         return _pool([*own["left"], *own["right"]]) | more | {"cameras": cameras}

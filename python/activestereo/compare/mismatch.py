@@ -132,7 +132,7 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def _fast(image: Image) -> NDArray[np.float64]:
-    """Returns the image after a high-pass filter, which removes room light, falloff and albedo."""
+    """Returns the image after a high-pass filter, which removes slow changes by room light, falloff and albedo."""
     value = np.asarray(image, np.float64)
     return value - gaussian_filter(value, _SLOW_PX)
 

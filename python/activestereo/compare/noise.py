@@ -8,9 +8,8 @@ frames. Frames without repeats get their floor from a noise model (EMVA 1288 wit
     variance = q0 + q1 * gain * signal + q2 * signal^2
 
 fitted to the repeats; signal is DN above black. The mean square of a noisy signal contains the variance itself. So the
-variance computed from a measured image is divided by (1 + q2). A capture without repeats has an upper bound of the
-noise: half of the variance of the difference between its cameras, in smooth parts, with speckle and errors of the
-depth.
+variance computed from a measured image is divided by (1 + q2). In a capture without repeats, half of the variance of
+the difference between both cameras, in smooth parts, bounds the noise: it contains speckle and errors of the depth.
 
 Static random errors (fixed pattern, static speckle) are not in the floor: effects have to explain them. Rounding is in
 the floor, even where steps are wider than the noise, so that repeats round alike and do not show it."""
@@ -115,7 +114,7 @@ class Comb:
 
 
 def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
-    """Returns the Comb with the coarsest step on which nearly all pixels lie; None without one, or if few levels
+    """Returns the Comb with the coarsest step that explains nearly all pixels; None without one, or if few levels
     occur."""
     size = int(max_dn) + 1
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
@@ -333,8 +332,7 @@ def pair_noise_model(pairs: Iterable[tuple[MeasuredImage, MeasuredImage]], black
 
 
 def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float, float, float]]:
-    """Returns rows (gain, mean, variance of one camera, weight), one for each bin of brightness, from one frame's
-    pair."""
+    """Returns rows (gain, mean, variance of one camera, weight), one per bin of brightness, from one frame's pair."""
     warp = warp_between(left.view, right.view)
     image, there = np.asarray(left.measured, np.float64), warp.read(right.measured)
     rest = image - there
@@ -393,9 +391,9 @@ _LAMP_SHARE = 0.5
 
 
 def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
-    """Returns the changes of light that a flickering lamp causes, {(frame id, side): repeat minus its group's mean, DN
-    [height][width]}. The repeats' variance contains them, although they are no noise. Empty if neighbouring rows do not
-    change together, or if a change of the whole level explains more.
+    """Returns {(frame id, side): DN [height][width]}, the part of (repeat - mean of its group) that a flickering lamp
+    causes. The repeats' variance contains it, although it is no noise. Empty if neighbouring rows do not change
+    together, or if a change of the whole level explains more.
 
     A rolling shutter records flicker as one factor on each row's ambient light, nearly the same in neighbouring rows.
     Row noise is independent from row to row, and stays in the floor. measured_images: {(frame id, side): (frame, its

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the projector's light without tracing rays: its dots on the surfaces that a camera sees, and the glow of its
-beam in air."""
+"""Computes the projector's light without tracing rays: its dots on the surfaces that a camera sees, and its glow in
+air."""
 
 from __future__ import annotations
 

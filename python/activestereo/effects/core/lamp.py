@@ -125,7 +125,7 @@ def _far_starts(seen: SeenPoints) -> list[dict[str, float]]:
 
 def _near_starts(seen: SeenPoints) -> list[dict[str, float]]:
     """Fits a near lamp at each place of a grid and returns the one that explains most of the residual beside ambient
-    light. Shadows are ignored. A near lamp's light falls with distance, so the fit uses the points besides the
+    light. Shadows are ignored. A near lamp's light falls with distance, so the fit uses the points' positions and
     normals."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
     directions = np.stack([towards(*way) for way in ways], axis=1)

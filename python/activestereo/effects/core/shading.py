@@ -45,8 +45,8 @@ def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) 
 
 
 def highlight(cosines: Cosines, roughness: float, ior: float = IOR) -> np.ndarray:
-    """Returns the highlight's radiance per irradiance, [...]: GGX of Walter et al. 2007, height-correlated Smith
-    shadowing."""
+    """Returns the highlight's radiance per irradiance, [...]: GGX with height-correlated Smith shadowing (Walter et al.
+    2007)."""
     n_h, n_l, n_v, h_v = cosines
     square = roughness**4
     density = square / (np.pi * (n_h * n_h * (square - 1.0) + 1.0) ** 2)

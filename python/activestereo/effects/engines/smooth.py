@@ -30,7 +30,7 @@ _PLANE_SHARE = 0.006
 
 
 class Surfaces(NamedTuple):
-    """Geometry of the surfaces that an image's samples see, [height][width]; vectors [3][height][width] in any
+    """Geometry of the surfaces that an image's samples see, [height][width]. Vectors are [3][height][width] in one
     frame."""
 
     depth_m: np.ndarray
