@@ -8,8 +8,8 @@ robosuite and LIBERO give MuJoCo's depth buffer, upside down: take it with
 
     metres=lambda z: get_real_depth_map(env.sim, z)[::-1], and put back with back=lambda z: z[::-1]
 
-and make robosuite's environment with hard_reset=False: robosuite 1.5 else drops its OpenGL context whenever Python
-frees that of an earlier reset (eglReleaseThread), and returns unset memory as depth.
+and make robosuite's environment with hard_reset=False. Otherwise robosuite 1.5 loses its OpenGL context when Python
+frees that of an earlier reset (eglReleaseThread), and returns uninitialised memory as depth.
 
 robosuite 1.5 needs mujoco<4. LeRobot has its own module, activestereo.integrations.lerobot.
 """
@@ -34,14 +34,14 @@ Images = Callable[[NDArray[Any]], NDArray[Any]]
 class StereoDepth(gymnasium.ObservationWrapper):
     """Replaces the depth in a Dict observation by simulated stereo depth, float32 metres, 0 = no measurement.
 
-    depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red stands for the
+    depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red channel is used as the
     infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as
     MuJoCo has it. camera: a preset or a configuration. metres: converts the environment's depth to upright metres.
     back: turns an upright image to the environment's orientation. rendered(env): returns upright planar depth [H, W] in
     metres, for an environment whose observation has none; its size is the colour image's. coded: converts metres [H, W]
-    to the policy's input, float or bytes. supersampling: the images have so many times the sensor's rows and columns,
-    and its depth is repeated over them: edges and gloss are then nearer to traced ones. Noise follows the seed of
-    reset(). Raises ValueError without the keys.
+    to the policy's input, float or bytes. supersampling: factor of the images' rows and columns over the sensor's,
+    whose depth is repeated to the images' size; edges and gloss are then nearer to path-traced ones. The seed of
+    reset() also seeds the noise. Raises ValueError if a key is missing.
     """
 
     def __init__(
@@ -80,15 +80,15 @@ class StereoDepth(gymnasium.ObservationWrapper):
         else:
             depth_m = np.asarray(self._rendered(self.env)).reshape(self._sensor.input_shape)
         albedo = np.full(self._sensor.input_shape, self._albedo)
-        if self._color is not None:  # upright as the depth is: the same turn takes either there and back
+        if self._color is not None:  # `back` is its own inverse: it also turns an image upright
             albedo = self._back(np.asarray(_entry(observation, self._color)))[None]
         found = self._sensor(depth=depth_m, albedo=albedo, outputs=("depth",))["depth"][0]
         found = found.repeat(self._finer, axis=0).repeat(self._finer, axis=1)
         return _with_entry(observation, self._depth, self._observed(found), dict)
 
     def _observed(self, depth_m: NDArray[np.float32]) -> NDArray[Any]:
-        """Converts measured depth to the form that it has in the observation: shape or code, and orientation. depth_m:
-        upright, [H, W] metres. The array is contiguous, because torch takes no negative strides."""
+        """Returns measured depth with the observation's shape, coding and orientation. depth_m: upright, [H, W] metres.
+        The result is contiguous, because torch takes no negative strides."""
         return np.ascontiguousarray(
             self._back(depth_m.reshape(self._shape) if self._coded is None else self._coded(depth_m))
         )

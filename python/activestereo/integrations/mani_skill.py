@@ -4,8 +4,8 @@
     import activestereo.integrations.mani_skill
     env = gymnasium.make("PickCube-v1", obs_mode="rgb+depth", sensor_configs={"use_stereo_depth": True})
 
-ManiSkill has no register of sensors: its environments make a `StereoDepthCamera` for each `StereoDepthCameraConfig`.
-The import replaces ManiSkill's classes of these names, which need CUDA and SAPIEN 2.
+ManiSkill has no registry of sensors: its environments make a `StereoDepthCamera` for each `StereoDepthCameraConfig`.
+The import replaces ManiSkill's classes of these names; the replaced classes need CUDA and SAPIEN 2.
 """
 
 from __future__ import annotations
@@ -119,9 +119,9 @@ class StereoDepthCameraConfig(ManiSkillConfig):
     """Configures a StereoDepthCamera, with these fields beyond ManiSkill's CameraConfig.
 
     model: a preset's name. samples_per_pixel: of rendered images. min_depth, max_depth: metres. sensor: a
-    StereoDepthSensorConfig in place of these four, with the CameraConfig's size and intrinsics for RGB. device: 'auto',
-    'cpu' or an index. on_cuda: observations stay on the rendering GPU;
-    None: if the simulation is on CUDA."""
+    StereoDepthSensorConfig that replaces these four; the RGB image keeps the CameraConfig's size and intrinsics.
+    device: 'auto', 'cpu' or an index. on_cuda: observations stay on the rendering GPU; None: if the simulation is on
+    CUDA."""
 
     def __init__(
         self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
@@ -155,7 +155,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         focal_px, lit = config.ir_intrinsic[0, 0], _tangents(config)
         config.ir_resolution = (scale * self.width, scale * self.height)
         config.ir_intrinsic = own_matrix(np.diag([scale, scale, 1.0]) @ intrinsic)
-        # The pattern reaches as far beyond a preset's field of view as the camera does.
+        # A field of view wider than the preset's gets a pattern that is wider by the same factor.
         config.light_pattern_scale = max(1.0, float((_tangents(config) / lit).max()))
         config.min_depth_m, config.max_depth_m = self.min_depth, self.max_depth
         config.samples_per_pixel = self.samples_per_pixel
@@ -164,7 +164,7 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         if self.width < _SMALL_PX:
             config.block_width = config.block_height = 3
             config.p1, config.p2 = 4, 16
-            # A scale at which the projector's dots are larger than a pixel.
+            # Scale the pattern so that the projector's dots are larger than a pixel.
             dots = 0.5 * focal_px / config.ir_intrinsic[0, 0]
             config.light_pattern_scale = max(config.light_pattern_scale, dots)
         return config
@@ -235,8 +235,8 @@ class _CameraMounts:
 
 class StereoDepthCamera(Camera):
     """An active stereo sensor in each environment. `rgb`, `depth`, `position` and `segmentation` have ManiSkill's
-    shapes, types and units; depth 0 = no measurement; position follows the depth. ManiSkill's normal and albedo are
-    absent.
+    shapes, types and units; depth 0 = no measurement; position is computed from the measured depth. ManiSkill's normal
+    and albedo are absent.
 
     With config.on_cuda observations stay on the sensors' GPU, and no image passes through the host. Raises CudaError
     without CUDA on this GPU. If on_cuda is None and the simulation is on CUDA, a UserWarning replaces the error and
@@ -259,8 +259,7 @@ class StereoDepthCamera(Camera):
         return self._observations.sensors
 
     def capture(self) -> None:
-        """Brings kuafu's copy of the scene to ManiSkill's present state. Images are rendered when get_obs() asks for
-        them."""
+        """Updates kuafu's copy of the scene to ManiSkill's present state. get_obs() renders the images."""
         if self._world is None:
             self._world = ManiSkillWorld.for_scene(self._scene, self.config.device)
             self._observations = self._make_observations(self._world)

@@ -101,8 +101,8 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """Returns the model's uniform radiance from all sides: MuJoCo's ambient terms and the headlight, which is no light
-    of the room."""
+    """Returns the model's uniform radiance from all sides: MuJoCo's ambient terms and the headlight, which belongs to
+    the viewer and not to the room."""
     head = model.vis.headlight
     total = (np.asarray(head.ambient) + np.asarray(head.diffuse)) * bool(head.active) + np.zeros(3)
     for light in range(model.nlight):
@@ -138,10 +138,10 @@ def light(model: mujoco.MjModel, data: mujoco.MjData, number: int, environment: 
     )
 
 
-# Half the side of a plane that the model calls infinite, in extents of the model.
+# Half the side of a plane that is infinite in MuJoCo, as a multiple of the model's extent.
 _ENDLESS_EXTENTS = 10.0
 _CUBE_FACES = 6
-# Coordinates end short of the square's edge, so that filtering blends no texels of the next square in.
+# Texture coordinates end short of the square's edge, so that filtering does not blend in the next square.
 _INSIDE = 0.999
 
 
@@ -190,9 +190,9 @@ def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh
 
 
 def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
-    """Returns the mesh with coordinates of a cube texture, projected from the geom's middle (OpenGL's rule for cube
-    maps). Its six squares lie below one another (+x, -x, +y, -y, +z, -z). Each triangle takes the square of its own
-    middle."""
+    """Returns the mesh with texture coordinates of a cube map, projected from the geom's middle by OpenGL's rule. The
+    texture's six squares lie below one another (+x, -x, +y, -y, +z, -z). Each triangle uses the square that its middle
+    falls into."""
     half = 1.0 if is_uniform else np.abs(mesh.positions).max(axis=0).clip(1e-9)
     corners = (mesh.positions / half)[mesh.indices].astype(np.float64)
     middle = corners.mean(axis=1)
@@ -247,8 +247,8 @@ class MujocoMirrorWarning(UserWarning):
 class MujocoScene:
     """Mirrors the visible geoms, materials, textures and lights of a model.
 
-    data: the state, after mj_forward(); a list of states is a batch of environments. groups: the geoms' groups that are
-    seen (MuJoCo's viewer shows 0 to 2). device: 'auto', 'cpu', an index or a kuafu.Device. scene: the scene that the
+    data: the state, after mj_forward(); a list of states is a batch of environments. groups: the visible groups of
+    geoms (MuJoCo's viewer shows 0 to 2). device: 'auto', 'cpu', an index or a kuafu.Device. scene: the scene that the
     model is added to; None: a new one. Skins, flexes and tendons are left out, with a MujocoMirrorWarning.
     """
 
@@ -304,8 +304,8 @@ class MujocoScene:
         return self.bodies.move(poses if self.is_batch else poses[0])
 
     def mount(self, camera: str | None = None, body: str | None = None) -> MujocoMount:
-        """Returns a mount for a sensor: a camera of the model (x forward along its direction), or a body (axes x
-        forward, y left, z up). Raises ValueError unless exactly one is named and exists."""
+        """Returns a mount for a sensor: a camera of the model, with x forward along its view, or a body, with the
+        body's own axes as x forward, y left, z up. Raises ValueError unless exactly one is named and exists."""
         if (camera is None) == (body is None):
             raise ValueError("a mount is on a camera or on a body: name one of them")
         kind = mujoco.mjtObj.mjOBJ_CAMERA if body is None else mujoco.mjtObj.mjOBJ_BODY
@@ -323,8 +323,8 @@ class MujocoScene:
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:
-        """Returns the number of a geom's mesh in the scene; geoms of the same shape and texturing share one. None: it
-        has no surface."""
+        """Returns the number of a geom's mesh in the scene, None without a surface. Geoms of equal shape and texturing
+        share a mesh."""
         model, material = self.model, int(self.model.geom_matid[geom])
         kind = self._looks.texture_kind(geom)
         shape = (int(model.geom_type[geom]), int(model.geom_dataid[geom]), model.geom_size[geom].tobytes())

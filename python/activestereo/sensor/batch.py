@@ -6,8 +6,8 @@
     batch.compute_depth()
     depth_m = torch.from_numpy(batch.get_depth())  # [E, height, width] or [E, S, height, width], no copy
 
-Environments are kuafu's: only the sensors of environment e see an instance or a light that names e. All sensors see one
-that names none. activestereo.scene_io.bodies puts bodies into environments.
+Environments are kuafu's. An instance or a light may have an environment number: then only the sensors of this
+environment see it. Without a number all sensors see it. activestereo.scene_io.bodies puts bodies into environments.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from activestereo.sensor.results import SensorResults
 
 
 class StereoDepthSensorBatch(SensorResults):
-    """Simulates S depth sensors in each of E environments, all with one configuration. Several GPUs take a process
-    each, with a scene and a batch of its own.
+    """Simulates S depth sensors in each of E environments, all with one configuration. To use several GPUs, start one
+    process for each, with its own scene and batch.
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. mounts: Mounts, or another object with a
     scene and poses (body axes). pose: the RGB camera's pose relative to its mount; None: identity. Sensors of one
     environment see one another's projectors, as real ones do. The sensors' images have independent noise, which a seed
-    repeats exactly. Exposure is 'fixed' or 'settled'. Each settled sensor exposes for its own view, and gain counts as
-    exposure. Use it in one thread at a time.
+    repeats exactly. Exposure is 'fixed' or 'settled'. With 'settled' the product of exposure and gain adapts to each
+    sensor's own images. Use it in one thread at a time.
 
     model: a SensorModel or the path of a model.json. All sensors get its effects; the whole scene gets its materials
-    and medium until close(). Raises ValueError for effects that act outside the engines (StereoDepthSensor supports
-    them) and for a model that does not fit the scene. Nothing has changed then.
+    and medium until close(). Raises ValueError for effects that neither renderer nor depth engine computes
+    (StereoDepthSensor supports them), and for a model that does not fit the scene. Nothing has changed then.
 
-    on_cuda: pictures and maps lie where CUDA sees them, for get_cuda(), and the host reads them from there. Raises
-    CudaError if there is no CUDA, or none on this GPU.
+    on_cuda: pictures and maps lie in memory that CUDA can access, for get_cuda(); the host copies them from there.
+    Raises CudaError if there is no CUDA, or none on this GPU.
 
     matcher: as in StereoDepthSensor; it gets all pairs in one call.
     """
@@ -65,7 +65,7 @@ class StereoDepthSensorBatch(SensorResults):
             plan, mounts.scene, np.repeat(range(count), sensors).tolist(), self.shape, model=model, on_cuda=on_cuda,
             matcher=matcher,
         )  # fmt: skip
-        # Factors on each sensor's configured values, and the turn of its right camera.
+        # Factors on each sensor's configured laser power and exposure, and the rotation of its right camera.
         self._laser_power, self._light_share = np.ones((2, count * sensors))
         self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
 
@@ -88,20 +88,20 @@ class StereoDepthSensorBatch(SensorResults):
         return depth
 
     def compute_depth(self) -> None:
-        """Applies noise, matches all pairs and registers their depth to the RGB cameras. Computes at once those maps
-        that were read for earlier pictures, and any other map when it is first read."""
+        """Applies noise, matches all pairs and registers their depth to the RGB cameras. Also computes the maps that
+        were read for earlier pictures. Any other map is computed when it is first read."""
         self._engine.match()
 
     # ---- results ----
 
     def get_ir_radiance(self) -> NDArray[np.float32]:
-        """Returns float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise. On a
-        single CPU device it is a view of the next picture's memory, else a copy."""
+        """Returns float32 [2, ..., height, width] W/(sr m^2) at the imagers, left then right, without noise. It is a
+        view, which the next picture overwrites, or a copy of a discrete GPU's own memory."""
         return self._engine.light()
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
         """Returns float32 [..., height, width, 3], metres in the RGB cameras' axes (x right, y down, z forward), 0 = no
-        measurement. with_rgb: the last axis has 6 numbers, x, y, z and the colour 0..1."""
+        measurement. with_rgb: the last axis is x, y, z, red, green, blue, with colours 0..1."""
         points = np.moveaxis(self.rgb_rays(), 0, -1).astype(np.float32) * self.get_depth()[..., None]
         return np.concatenate([points, self.get_rgb()], axis=-1) if with_rgb else points
 
@@ -118,11 +118,11 @@ class StereoDepthSensorBatch(SensorResults):
     ) -> None:  # fmt: skip
         """Makes the sensors of an environment differ from the configuration, from the next picture on.
 
-        laser_power [S] and exposure [S] are factors on the configured values. The rotations [S, 3, 3] turn the right
-        cameras in their own axes; the matcher does not know of them. environment: its number; None: all, and the arrays
-        begin with the batch's shape, [E] or [E, S], in place of [S]. Another argument that is None keeps its values.
-        Raises ValueError, which lists the environments, for a wrong number of sensors, negative or non-finite numbers,
-        and matrices that are no rotation. Nothing has changed then."""
+        laser_power [S] and exposure [S] are factors on the configured values. right_turn: rotation matrices [S, 3, 3]
+        of the right cameras in their own axes; the matcher still assumes unrotated ones. environment: its number; None:
+        all, and the arrays begin with the batch's shape, [E] or [E, S], in place of [S]. Any other argument that is
+        None leaves its values unchanged. Raises ValueError, which lists the environments, for a wrong number of
+        sensors, negative or non-finite numbers, and matrices that are no rotation. Nothing has changed then."""
         sensors = self.shape[1:] or (1,)
         first, last, shape, where = 0, self.shape[0], self.shape, "the batch"
         if environment is not None:
@@ -156,12 +156,12 @@ class StereoDepthSensorBatch(SensorResults):
         self._engine.rig.right_turn = self._right_turn
 
     def restart(self, seed: int | Sequence[int]) -> None:
-        """Makes the next picture frame 0 under this seed, for render and noise. Pictures repeat exactly after the same
-        restart.
+        """Drops the current pictures, numbers the next picture 0, and seeds render and noise. The same seed repeats
+        pictures exactly.
 
         seed: a number, or one for each environment, [E]. With one for each, an environment's noise does not depend on
-        its place among the others; light samples depend on the configuration's render_seed and the environment's
-        number. Raises ValueError, which lists the environments, for an invalid seed; nothing has changed then."""
+        its number. Its light samples do, and depend on the configuration's render_seed. Raises ValueError, which lists
+        the environments, for an invalid seed; nothing has changed then."""
         if np.ndim(seed) == 0:
             one = int(RENDER_SEED.check("the seed", seed))
             self._config.render_seed = self._config.noise_seed = one

@@ -4,9 +4,9 @@
     memory = CudaMemory(kuafu.Buffer(device, 4 * 480 * 640, exportable=True, host_visible=False))
     tensor = torch.as_tensor(memory.array("float32", (480, 640)), device="cuda")
 
-CUDA's driver is opened when memory is made. Names and numbers are those of NVIDIA's CUDA Driver API, section "External
-Resource Interoperability". One side must have finished (Renderer.render has, torch.cuda.synchronize()) before the other
-reads."""
+The CUDA driver is loaded when a CudaMemory is made. Names and numbers are those of NVIDIA's CUDA Driver API, section
+"External Resource Interoperability". Vulkan or CUDA must finish writing before the other reads: Renderer.render()
+finishes before it returns; call torch.cuda.synchronize() for torch."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ class _Driver:
 
 
 class CudaMemory:
-    """Maps an exportable Buffer into the primary CUDA context of its GPU, and keeps the buffer alive. close() or the
-    end of the last array removes the mapping. Raises CudaError."""
+    """Maps an exportable Buffer into the primary CUDA context of its GPU, and keeps the buffer alive. close() removes
+    the mapping; so does the deletion of this object and of its arrays. Raises CudaError."""
 
     def __init__(self, buffer: Any, *, library: str = "libcuda.so.1") -> None:
         """buffer: a kuafu.Buffer or simsense.Buffer made with exportable=True. library: the file of CUDA's driver."""
@@ -133,7 +133,7 @@ class CudaMemory:
 
     def array(self, dtype: DTypeLike, shape: Sequence[int], offset_bytes: int = 0) -> CudaArray:
         """Returns a contiguous array over the memory, for torch.as_tensor(..., device="cuda"), cupy.asarray() and
-        numba.cuda.as_cuda_array(). Raises ValueError if it exceeds the buffer."""
+        numba.cuda.as_cuda_array(). Raises ValueError if the array is empty or exceeds the buffer."""
         kind = np.dtype(dtype)
         needed = prod(shape) * kind.itemsize
         if offset_bytes < 0 or min(shape, default=1) < 1 or needed > self.size_bytes - offset_bytes:
@@ -163,8 +163,8 @@ if TYPE_CHECKING:
 
 
 def cuda_tensor(array: CudaArray) -> torch.Tensor:
-    """Returns a torch tensor over the array's memory. Call wait_for() after torch's work with it, before the engines
-    write there again."""
+    """Returns a torch tensor over the array's memory. Call wait_for() after torch's work with it, before the next
+    picture or depth overwrites the memory."""
     return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
 
 
@@ -181,7 +181,7 @@ def wait_for(tensor: torch.Tensor) -> torch.Tensor:
 
 
 def require_no_capture() -> None:
-    """Raises RuntimeError while torch captures a CUDA graph, because the graph would not hold Vulkan's work."""
+    """Raises RuntimeError while torch captures a CUDA graph, because the graph would not record Vulkan's work."""
     if _torch().cuda.is_current_stream_capturing():
         raise RuntimeError(
             "a CUDA graph is being captured, and it would not hold what Vulkan allocates and computes here: call the"
@@ -199,7 +199,7 @@ def _torch() -> Any:
     return torch
 
 
-# {name that get_cuda() takes: the depth engine's map}, and likewise kuafu's outputs.
+# MAPS: {name that get_cuda() takes: map of the depth engine}. PICTURES: {such a name: output of kuafu}.
 _OF_EVERY_SENSOR = ("disparity", "ir_left", "ir_right")
 MAPS = {"depth": "depth_rgb"} | {name: name for name in (*_OF_EVERY_SENSOR, *DEPTH_MAPS)}
 PICTURES = {

@@ -34,8 +34,8 @@ Depth = NDArray[np.float32]
 # simkinect (github.com/ankurhanda/simkinect, add_noise.py, commit 1106ad0b). Each pixel's value comes from a neighbour.
 # A 9 x 9 window accepts it if 1 / 1.2 of its neighbours lie within 0.1 px of the window's mean; each difference is
 # first divided by 1.44 times the squared pixel distance. Accepted values spread up to 3 px. Then come steps of 1/8 px
-# with noise of 1/6 step (35130 cm of its Kinect are about 8 focal lengths times baselines), rounded half a step too
-# near: round(x + 0.5). Its picture of a Kinect's dots is data and is left out: here each pixel is a dot.
+# with noise of 1/6 step (35130 px cm is 8 times a Kinect's focal length times baseline), rounded half a step too near:
+# round(x + 0.5). Its picture of a Kinect's dots is data and is left out: here each pixel is a dot.
 _KINECT_STEPS = 8.0
 _KINECT_SHIFT_PX, _KINECT_SIGMA_STEPS, _KINECT_BIAS_STEPS = 0.5, 1.0 / 6.0, 0.5
 _KINECT_WINDOW, _KINECT_INLIER_PX, _KINECT_PER_SQUARE_PX, _KINECT_LEAST_SHARE = 9, 0.1, 1.2**2, 1.0 / 1.2
@@ -59,7 +59,8 @@ def gaussian(depth: Depth, sigma_m_at_1_m: float, random: np.random.Generator) -
 
 def simkinect(depth: Depth, focal_baseline_px_m: float, random: np.random.Generator) -> Depth:
     """Returns depth with simkinect's noise (Handa et al. 2014; Barron and Malik 2013): shifted pixels, and disparity in
-    jittered steps. Pixels that disagree with the window of Bohg et al. 2014 take a near accepted one's, else 0."""
+    jittered steps. A pixel that disagrees with its window (Bohg et al. 2014) takes the disparity of the nearest
+    accepted pixel within 3 px, else depth 0."""
     row, column = _places(depth.shape, _KINECT_SHIFT_PX, random)
     stack = [map_coordinates(image, at, order=1, mode="nearest") for image, *at in zip(depth, row, column, strict=True)]
     with np.errstate(divide="ignore"):
@@ -80,7 +81,7 @@ def redwood(
     depth: Depth, focal_baseline_px_m: float, random: np.random.Generator, farthest_m: float = _REDWOOD_FARTHEST_M
 ) -> Depth:
     """Returns depth with Redwood's noise (Choi et al. 2015): each pixel takes the depth of a random neighbour on an
-    even row and column; its disparity is jittered and rounded. Depth from farthest_m on is dropped."""
+    even row and column; its disparity is jittered and rounded. Depth of farthest_m or more becomes 0."""
     row, column = (np.rint(at).astype(np.intp) // 2 * 2 for at in _places(depth.shape, _REDWOOD_SHIFT_PX, random))
     coarse = depth[np.arange(len(depth))[:, None, None], row, column]
     jitter = _REDWOOD_SIGMA_PX * random.standard_normal(depth.shape)
@@ -98,8 +99,8 @@ def one_view_depth(
     model: str, depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, focal_baseline_px_m: float,
     random: np.random.Generator, settings: IsaacSettings | None = None,
 ) -> Depth:  # fmt: skip
-    """Returns depth under the model, one of OF_TRUTH. gray, settings: used by 'isaac-like' alone, as isaac() takes
-    them."""
+    """Returns the depth that a model of OF_TRUTH measures. depth: true depth, metres [E, height, width]. gray,
+    settings: as for isaac(); only 'isaac-like' uses them."""
     if model == "clean":
         return depth
     if model == "gaussian":
@@ -115,10 +116,10 @@ def one_view_depth(
 
 @dataclass(frozen=True)
 class IsaacSettings:
-    """Isaac Sim's single-view depth sensor by default (ovrtx 0.7.0, sensors/visual/depth_camera; the numbers by a
-    user's note on Isaac Sim 6.0.1): its noiseMean is our step_px. needs_texture: drops pixels without texture, as its
-    confidence of 0.70 drops all of an untextured wall at 1 m. Its formula is not published; ours is a threshold on the
-    local contrast."""
+    """Settings of isaac(). The defaults are those of Isaac Sim's single-view depth sensor (ovrtx 0.7.0,
+    sensors/visual/depth_camera; numbers from a user's note on Isaac Sim 6.0.1). step_px is its noiseMean.
+    needs_texture: drop pixels of low local contrast, as its confidence of 0.70 drops an untextured wall at 1 m; its
+    formula is not published."""
 
     step_px: float = 0.25
     sigma_px: float = 0.25
@@ -131,8 +132,8 @@ def isaac(
     depth: Depth, gray: NDArray[np.float32] | None, focal_px: float, baseline_m: float, settings: IsaacSettings,
     random: np.random.Generator,
 ) -> Depth:  # fmt: skip
-    """Returns depth with the noise of Isaac Sim's single-view depth sensor; drops pixels that its virtual second view
-    does not see. gray: the picture, 0..1, for settings.needs_texture."""
+    """Returns depth with the noise of Isaac Sim's single-view depth sensor. Depth is 0 outside the settings' limits and
+    where the virtual second view does not see the surface. gray: the picture, 0..1, for settings.needs_texture."""
     inverse = inverse_depth(depth)
     disparity = focal_px * baseline_m * inverse
     beside = warped(inverse, focal_px, baseline_m).inverse_depth
@@ -163,7 +164,7 @@ def _places(
 
 def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Returns a mask of the disparities that simkinect keeps: at least five sixths of the window around them are near
-    the window's mean. It refuses infinite ones and all at the border."""
+    the window's mean. Infinite disparities and those in the image's outer three rows and columns are false."""
     is_known = np.isfinite(disparity)
     known = np.where(is_known, disparity, 0.0)
     window, reach = (1, _KINECT_WINDOW, _KINECT_WINDOW), _KINECT_WINDOW // 2

@@ -29,10 +29,10 @@ from activestereo.sensor.rig import RigInputs
 class SensorEngine:
     """Renders the pictures of identical depth sensors in one scene, and computes their depth.
 
-    environments: number of the environment of each sensor. [None]: one sensor in a scene without environments.
-    Velocity, conditions, 'converging' exposure and effects that change images are for such a sensor only.
-    shape: leading axes of results: () for one sensor, (E,) or (E, S). source: path of the scene's file, or any
-    other object. matcher: computes disparities, see foreign_matcher.py.
+    environments: number of the environment of each sensor. [None]: one sensor in a scene without environments; only
+    such a sensor supports velocity, conditions, 'converging' exposure and effects that change images. shape: leading
+    axes of results: () for one sensor, (E,) or (E, S). source: the scene file's path, by which a model can tell objects
+    of one material apart; any other object is ignored. matcher: computes disparities, see foreign_matcher.py.
 
     Raises ValueError for a model or an exposure mode that does not fit the scene or the sensors. Nothing has changed
     then."""
@@ -58,7 +58,7 @@ class SensorEngine:
             IrLink(scene.device, self.matcher.device, width, height, count=self._count),
             PictureMemory(scene.device, (self._count, rgb_height, rgb_width), RGB_OUTPUTS, on_cuda=on_cuda),
         )
-        self.ir_memory = self._picture.link.memory  # the infrared pairs' way to the depth engine
+        self.ir_memory = self._picture.link.memory  # how the depth engine gets the pairs: 'opaque_fd' or 'host'
         # State of the current pictures.
         self.maps = Maps(weakref.proxy(self), on_cuda)
         self.light_share = np.ones(self._count)  # factors on each sensor's own exposure
@@ -121,7 +121,7 @@ class SensorEngine:
         if not self.rig.is_one:
             expose_each(picture, taken.is_laser_apart, self.plan.exposure, self.rig.inputs())
         auto = self.plan.exposure
-        if self.rig.is_one and auto.mode != "fixed":  # for the same picture, or the next
+        if self.rig.is_one and auto.mode != "fixed":  # 'settled': for this picture; 'converging': the next
             inputs = self.rig.inputs()
             after = auto.after(self.rig.setting, inputs.left.signal, picture.link.images(1)[0], inputs.max_dn)
             if auto.mode == "settled":
@@ -217,8 +217,8 @@ class SensorEngine:
     # ---- settings between pictures ----
 
     def set(self, matcher: Mapping[str, Any], signal: dict[str, float]) -> None:
-        """Changes parameters of the matcher and of the imagers (signal), by simsense's names. They hold for pictures
-        that exist and for later ones, which keep their own exposure and gain. Maps computed before keep their values.
+        """Changes parameters of the matcher and of the imagers (signal), by simsense's names. They hold for the current
+        pictures and for later ones; exposure and gain stay as they are. Maps of matched pictures keep their values.
         Raises simsense.ArgumentError for an invalid value; nothing has changed then."""
         self.maps.complete()
         now = self.rig.setting
@@ -234,14 +234,14 @@ class SensorEngine:
         self._set_signals(self.rig.signals())
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Sets the sensor's temperature and the seconds since it was switched on, on
-        which effects may depend. Maps of matched pictures stay."""
+        """Sets the sensor's temperature and the seconds since it was switched on, on which effects may depend. Maps of
+        matched pictures keep their values."""
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
-        """Drops the current pictures and numbers the next ones 0; this seed then repeats their render and noise.
-        noise_seeds: a noise seed for each sensor; None: all use `seed`."""
+        """Drops the current pictures, numbers the next ones 0, and seeds render and noise. noise_seeds: a noise seed
+        for each sensor; None: all use `seed`."""
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Explains a picture: which lights make its infrared light, and why it shows none of a body."""
+"""Explains a picture: how much each light contributes to its infrared light, and why a body is not visible in it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDE
 
 @dataclass(frozen=True)
 class LightShare:
-    """States which lights make the infrared light in the middle of the left camera's picture. It counts the tenth of
-    the pixels there that the projector lights most, or all without a projector.
+    """States which lights make the infrared light in the middle of the left camera's picture. Only the tenth of these
+    pixels that the projector lights most count; without a projector all do.
 
     distance_m: median distance of these pixels. projector: the projector's share of their light, 0..1. brightest,
     brightest_share: name and share of the brightest other light; None if there is none."""
@@ -105,7 +105,8 @@ def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
-    """Returns the light's irradiance at `point` on a surface that faces it, without the camera's ir_ambient_scale."""
+    """Returns the light's infrared irradiance at `point`, W/m^2, on an unshadowed surface that faces it. The camera's
+    ir_ambient_scale is not applied."""
     pose = np.asarray(light.light_to_world)
     level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
     if light.kind == "directional":

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets a sensor use another matcher than simsense's, such as a network. From its disparities it computes the same maps
-as simsense."""
+"""Lets a sensor use another matcher than simsense's, such as a network. The same maps as simsense's are computed from
+the matcher's disparities."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def foreign_maps(
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """Computes maps as simsense.Engine.compute() does, but with this matcher's disparities. The engine still simulates
     the imagers and rectifies the images. pair, lasers: compute()'s arguments. outputs: names, or {name: array to write
-    into}. Raises ValueError if the matcher returns another size."""
+    into}. Raises ValueError for arrays of another size, and for outputs that only simsense gives."""
     images = dict(engine.compute(*pair, _IMAGES, **lasers))
     left, right = images["rectified_left"], images["rectified_right"]
     leading = left.shape[:-2]
@@ -90,7 +90,8 @@ def foreign_maps(
 
 class OpenCVMatcher:
     """Matches with OpenCV's semi-global matcher (SGBM) over eight paths. Disparity range, uniqueness and left-right
-    check are simsense's parameters; others follow OpenCV's documentation. Raises ImportError if cv2 is missing."""
+    check are simsense's parameters; others are those that OpenCV's documentation suggests. Raises ImportError if cv2 is
+    missing."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         import cv2

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Applies the effects that no engine field expresses to a simulated sensor's images, each at its own stage, at the cost
-of copies.
+"""Applies effects that neither renderer nor depth engine computes to a simulated sensor's images. It copies the images
+between the stages.
 
-Effects on light come after the camera's optics, effects on charge before the imager, effects on counts after it.
+Effects on light act after the camera's optics, effects on charge before the imager, effects on counts after the imager.
+Effects on disparity and depth act after the matcher.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ _LIGHT = ("ambient", "albedo", "projector_direct", "projector_indirect", "projec
 
 
 class ModelCostWarning(UserWarning):
-    """Warns that the model has effects outside the engines, which cost a copy of every picture."""
+    """Warns of effects that neither renderer nor depth engine computes, which cost a copy of every picture."""
 
 
 class ImageEffects:
-    """Applies to a StereoDepthSensor's images those effects that renderer and depth engine cannot compute. effects:
+    """Applies to a StereoDepthSensor's images those effects that neither renderer nor depth engine computes. effects:
     pairs (Effect, {parameter: value}). make_light: whether on_light() renders the infrared pair itself, in place of the
     engine."""
 
@@ -142,9 +143,9 @@ class ImageEffects:
 
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:
-    """Returns one camera's light as from a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2). seen: kuafu's
-    images, rendered with `power` and `ambient` in these units. `flat` is the projector's direct light on Lambertian
-    surfaces."""
+    """Returns one camera's light, scaled to a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2). seen:
+    kuafu's images, rendered with `power` and `ambient` in these units. Light.flat is the projector's direct light on
+    Lambertian surfaces."""
     picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
     room = picture["ambient"] / ambient
     if power == 0.0:

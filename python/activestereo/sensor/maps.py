@@ -14,9 +14,9 @@ from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
 
 class Maps:
     """Computes and caches the maps (depth, disparity, measured infrared images, ...) of the current pictures of a
-    SensorEngine. Those that were read for earlier pictures are computed together; others when they are first read.
+    SensorEngine. begin() computes those read for earlier pictures; others are computed when first read.
 
-    on_cuda: maps lie in memory that CUDA sees, and the host reads them from there. The first computation raises
+    on_cuda: maps lie in memory that CUDA can access, and the host copies them from there. The first computation raises
     CudaError without CUDA on this GPU."""
 
     def __init__(self, engine: Any, on_cuda: bool = False) -> None:

@@ -20,8 +20,8 @@ _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """A place for one sensor: a scene and the sensor's pose in it. Mount has it, and mount() of
-    activestereo.integrations.mujoco returns it."""
+    """An object with a scene and a pose in it, which one sensor follows: a Mount, or the result of MujocoScene.mount()
+    of activestereo.integrations.mujoco."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -87,8 +87,8 @@ def as_mount(scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device
 
 
 class SensorPoseError(ValueError):
-    """A mount of a batch has no valid pose. All pictures are taken; those of this mount's sensors are from their last
-    place."""
+    """A mount of a batch has no valid pose. All pictures are taken; sensors on this mount take theirs from their last
+    valid pose."""
 
     def __init__(self, text: str, environments: list[int]) -> None:
         super().__init__(text)
@@ -130,8 +130,8 @@ class Places:
         self.matrices = np.broadcast_to(np.eye(4), (int(np.prod(self.shape)), 4, 4)).copy()
 
     def read(self) -> NDArray[np.bool_]:
-        """Reads the mounts' poses. Returns a mask [sensors], true where a mount has no valid pose; such a sensor stays
-        in place."""
+        """Reads the mounts' poses. Returns a mask [sensors], true where a mount has no valid pose; such a sensor keeps
+        its last valid pose."""
         poses = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
         if poses.shape[:-2] != self.shape:
             raise ValueError(f"this batch is of {self.shape} sensors; the poses are of {poses.shape[:-2]}")

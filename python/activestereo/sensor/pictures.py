@@ -146,10 +146,10 @@ RGB_OUTPUTS = {
 
 class PictureMemory:
     """Memory for images [count, height, width, channels] of several outputs; each picture overwrites the last. After an
-    output is read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU, which
-    itself reads it.
+    output is read once, a GPU writes it directly to host memory, which saves a copy. `radiance` stays on the GPU,
+    because the GPU itself reads it.
 
-    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = only on a CPU device. on_cuda: CUDA sees the
+    outputs: {kuafu's name: (dtype, channels)}. host_visible: None = only on a CPU device. on_cuda: CUDA can access the
     memory, too; raises CudaError without CUDA on this GPU.
     """
 
@@ -220,8 +220,8 @@ class Picture:
 
 
 def expose_each(picture: Picture, is_laser_apart: bool, auto: AutoExposure, inputs: EngineInputs) -> None:
-    """Multiplies each sensor's infrared pair, in place, by its light_share and, unless exposure is fixed, to the
-    exposure that it chooses. inputs: the engines' inputs, equal for all sensors."""
+    """Multiplies each sensor's infrared pair, in place, by its light_share and, unless exposure is fixed, by the factor
+    of its automatic exposure. inputs: the engines' inputs, equal for all sensors."""
     link, shares = picture.link, picture.light_share
     if auto.mode == "fixed" and bool((shares == 1.0).all()):
         return

@@ -112,7 +112,7 @@ class SensorResults(ABC):
 
     @property
     def has_picture(self) -> bool:
-        """Returns whether results exist."""
+        """Returns whether there is a current picture, whose results can be read."""
         return self._engine.has_picture
 
     @property
@@ -134,7 +134,7 @@ class SensorResults(ABC):
         return deepcopy(self._config)
 
     def camera_info(self, camera: str = "rgb") -> CameraInfo:
-        """Returns image size, intrinsics, lens and place of camera 'rgb', 'left' or 'right', from the calibration."""
+        """Returns the calibrated image size, intrinsics, distortion and pose of camera 'rgb', 'left' or 'right'."""
         return camera_info(self._config, camera)
 
     def get_intrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
@@ -155,7 +155,7 @@ class SensorResults(ABC):
         return np.stack([*to_tangents(u, v, rgb.k, rgb.distortion), np.ones(u.shape)])
 
     def get_depth(self) -> NDArray[np.float32]:
-        """Returns float32 metres in the RGB camera, through its lens; 0 = no measurement."""
+        """Returns float32 metres along the RGB camera's z axis, in its distorted image; 0 = no measurement."""
         return self._engine.maps.read("depth_rgb")
 
     def get_depth_mm(self) -> NDArray[np.int16]:
@@ -183,8 +183,8 @@ class SensorResults(ABC):
         return self._engine.rgb_output("srgb")
 
     def get_rgb(self) -> NDArray[np.float32]:
-        """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. It encodes on the host and
-        copies three times as much."""
+        """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. The host computes it, from
+        a copy three times as large."""
         radiance = self._engine.rgb_output("radiance")
         return srgb(radiance, self._engine.plan.config.rgb_exposure or rgb_exposure(radiance))
 
@@ -210,9 +210,9 @@ class SensorResults(ABC):
     def get_cuda(self, name: str) -> CudaArray:
         """Returns the array of get_<name>() in CUDA memory without a copy, as float32, uint8, uint16 or uint32. Names
         are 'depth', 'disparity', 'ir_left', 'ir_right' (of ir_measured), a map of get_depth_map(), 'rgba8',
-        'true_depth', 'instance_ids' or 'material_ids'; or 'radiance', the light that get_rgb() encodes.
-        torch.as_tensor(array, device="cuda") takes it. The next take_picture() or compute_depth() writes into the same
-        memory. Raises RuntimeError without on_cuda, ValueError for another name."""
+        'true_depth', 'instance_ids' or 'material_ids'; or 'radiance', the linear RGB image, W/(sr m^2), that get_rgb()
+        encodes. torch.as_tensor(array, device="cuda") takes it. The next take_picture() or compute_depth() writes into
+        the same memory. Raises RuntimeError without on_cuda, ValueError for another name."""
         engine = self._engine
         if not engine.maps.on_cuda:
             raise RuntimeError("these results are the host's: make the sensor with on_cuda=True")

@@ -49,9 +49,9 @@ class _RigLight:
 
 
 class Rig:
-    """Owns the lights and materials that equal sensors add to their scene. environments: each sensor's, whose cameras
-    alone see its lights; None: all do. A model's materials hold until leave(). laser_power: [sensors], factors on the
-    projector's power."""
+    """Owns the lights and materials that equal sensors add to their scene. environments: number of each sensor's
+    environment, whose cameras alone see its lights; None: all cameras do. A model's changes of materials last until
+    leave(). laser_power: [sensors], factors on the projector's power."""
 
     def __init__(self, scene: kuafu.Scene, environments: Sequence[int | None]) -> None:
         self._scene, self._environments = scene, environments
@@ -78,7 +78,7 @@ class Rig:
     def enter(self, inputs: EngineInputs, laser_w_sr: float, pattern: Pattern | None) -> None:
         """Puts the lights, materials and medium of `inputs` into the scene, in place of an earlier call's. Lights that
         move with the sensors stay dark until shine(). laser_w_sr: the projector's intensity before any effect, W/sr,
-        without a float32 record's rounding. pattern: the projector's pattern before any effect."""
+        which a kuafu.Light rounds to float32. pattern: the projector's pattern before any effect."""
         self._leave_but_pattern()
         own = [] if inputs.projector is None else [inputs.projector]
         for light in (*own, *inputs.rig_lights, *inputs.lights):
@@ -98,7 +98,7 @@ class Rig:
         enter_world(self._scene, inputs)
         instants = [(self._environments, 0.0)]
         if inputs.right.delay_s:
-            # The right camera opens at another time, so it sees an environment of its own with the rig moved on.
+            # The right camera's shutter opens later: it renders another environment, in which the rig has moved.
             instants = [([0], 0.0), ([LATER], inputs.right.delay_s)]
         for light in (*own, *inputs.rig_lights):
             infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
@@ -181,7 +181,7 @@ class RigInputs:
         if ambient_dn is not None:
             self._ambient_radiance = ambient_dn / plan.config.ir_responsivity_dn
         self.in_scene = Rig(scene, environments)
-        # The effects that act outside of the engines.
+        # Pairs (effect, parameters) that neither renderer nor depth engine computes.
         self.left_over: tuple[tuple[Effect, dict[str, float]], ...] = ()
         self.twist = np.zeros(6)
         self._conditions: tuple[float | None, float] = (None, 0.0)
@@ -202,8 +202,8 @@ class RigInputs:
         return self._inputs
 
     def enter(self) -> None:
-        """Puts the sensors' projectors, lights and cameras into the scene. Takes all of them out again and raises if
-        one fails."""
+        """Puts the sensors' projectors, lights and cameras into the scene. If one fails, removes all of them again and
+        raises."""
         try:
             self._enter_scene(self.inputs())
         except BaseException:
@@ -254,15 +254,15 @@ class RigInputs:
         return {"band": "infrared", "environments": seen, "optics": optics}
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches the projectors and the model's lights on the rigs on. rigs: the RGB cameras' poses, [sensors, 4, 4],
-        body axes."""
+        """Switches on the projectors and the model's lights that move with the sensors. rigs: the RGB cameras' poses,
+        [sensors, 4, 4], body axes."""
         self._rigs = rigs
         self.inputs()
         self.in_scene.shine(rigs)
 
     def darken(self) -> None:
-        """Switches the lights of shine() off, so that other sensors do not see them, unless the projector is always
-        on."""
+        """Switches off the lights that shine() switched on, so that other sensors do not see them. Does nothing if the
+        projector is always on."""
         if not self.plan.config.projector_always_on:
             self.in_scene.darken()
 
@@ -399,8 +399,8 @@ def _fit_model(
     scene: kuafu.Scene, source: object, model: SensorModel | str | PathLike[str] | None
 ) -> tuple[Model, SceneMeasurement, float | None]:
     """Assigns a model's values to this scene's materials by name. Returns (effects, scene measurement, ambient infrared
-    light of the model's room in counts or None). source: the scene file's path, or any other object. With a path, each
-    object that the model tells from others of its material gets its own material."""
+    light of the model's room in counts or None). source: the scene file's path, or any other object. With a path,
+    objects of one material that the model distinguishes get separate materials."""
     if model is None:
         return Model(), SceneMeasurement(), None
     model = model if isinstance(model, SensorModel) else read_model(Path(model))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor simulates an RGB camera, an infrared pair and a pattern projector in a kuafu scene, and computes
-depth with simsense. Names are SAPIEN's."""
+depth with simsense. Its methods have the names of SAPIEN's StereoDepthSensor."""
 
 from __future__ import annotations
 
@@ -40,22 +40,21 @@ class StereoDepthSensor(SensorResults):
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name. scene_or_mount: a kuafu.Scene, a Mount, or
     the path of a scene file. pose: the RGB camera's pose, in the scene or relative to the mount; body axes (x forward,
-    y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device; unused if the scene has its own.
-    The projector becomes an
-    infrared light of the scene. It shines during this sensor's pictures, or always with the config's
-    projector_always_on. It leaves the scene at close(), at the end of a `with` block, or with the last reference to the
-    sensor. Use it in one thread at a time.
+    y left, z up) as in SAPIEN. device: 'auto', 'cpu', an index or a kuafu.Device; unused if the scene has its own. The
+    projector is added to the scene as an infrared light. It shines during this sensor's pictures, or always with the
+    config's projector_always_on. It leaves the scene at close(), at the end of a `with` block, or with the last
+    reference to the sensor. Use it in one thread at a time.
 
-    model: a model.SensorModel or the path of a model.json. The engines apply its effects. Effects that no engine field
-    expresses change the images, with a ModelCostWarning. Its rig, pattern and imager belong in the config:
-    StereoDepthSensorConfig.from_model(). Raises ValueError if it does not fit this scene; nothing has changed then.
+    model: a model.SensorModel or the path of a model.json. Renderer and depth engine apply its effects. Effects that
+    neither computes change the images on the host, with a ModelCostWarning. The model's calibration, pattern and imager
+    are not applied: use a config of StereoDepthSensorConfig.from_model(). Raises ValueError if it does not fit this
+    scene; nothing has changed then.
 
-    on_cuda: RGB pictures and maps lie in memory that CUDA sees, for get_cuda(). Raises CudaError without CUDA on this
-    GPU.
+    on_cuda: RGB pictures and maps lie in memory that CUDA can access, for get_cuda(). Raises CudaError without CUDA on
+    this GPU.
 
-    matcher: 'simsense', 'opencv', or a sensor.foreign_matcher.Matcher,
-    which gets the rectified pairs of simsense's imager. Raises ValueError with on_cuda or a model that changes the
-    images.
+    matcher: 'simsense', 'opencv', or a sensor.foreign_matcher.Matcher, which gets the pairs after simsense's imager and
+    rectification. Raises ValueError with on_cuda or a model that changes the images.
     """
 
     def __init__(
@@ -104,9 +103,9 @@ class StereoDepthSensor(SensorResults):
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None, outputs: tuple[str, ...] = ("disparity",), frame_index: int = 0,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Computes {output of simsense.Engine.compute: array} from given radiance, [height, width] W/(sr m^2), with
-        picture frame_index's noise. *_laser: the projector's part of it, the only light with speckle; None: all light
-        has speckle."""
+        """Computes {output of simsense.Engine.compute: array} from radiance images left and right, [height, width]
+        W/(sr m^2). frame_index: number of the picture whose noise is used. *_laser: the projector's part of the
+        radiance, the only light with speckle; None: all light has speckle."""
         shape = self._config.ir_resolution[::-1]
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, shape)
         return self._engine.compute_from(pair, outputs, lasers, frame_index)
@@ -167,8 +166,8 @@ class StereoDepthSensor(SensorResults):
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Sets the velocity of the whole sensor, projector included, while its shutters are open; zeros = it stands
         still. linear, angular: m/s and rad/s in the left infrared camera's own frame (x right, y down, z forward). The
-        pose during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. Nothing moves between
-        pictures: set_local_pose() sets the pose in the middle of the exposure."""
+        pose during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. The velocity does not
+        move the sensor between pictures: set_local_pose() sets the pose in the middle of the exposure."""
         self._engine.rig.set_twist(checked_twist(linear, angular))
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:

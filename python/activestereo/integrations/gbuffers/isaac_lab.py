@@ -37,8 +37,8 @@ _Forwarding: Any = type("_Forwarding", (BaseRenderer,), {name: _forwarded(name) 
 
 
 class ActiveStereoRenderer(_Forwarding):
-    """Measures depth on the images of another renderer, `source`, and replaces its 'depth'. The cameras stand in the
-    left infrared cameras' places, with principal points in the middle."""
+    """Measures depth on the images of another renderer, `source`, and replaces its 'depth'. Its cameras have the left
+    infrared cameras' poses, with principal points in the middle of the image."""
 
     def __init__(self, cfg: ActiveStereoRendererCfg) -> None:
         self.cfg, self.source = cfg, cfg.source.class_type(cfg.source)
@@ -82,8 +82,8 @@ def _tensor(values: Any) -> Any:
 @configclass
 class ActiveStereoRendererCfg(RendererCfg):
     """Configures an ActiveStereoRenderer. source: the configuration of the renderer whose images it measures. camera: a
-    preset's name or a camera's .toml file. supersampling: the images have so many times the sensor's rows and columns,
-    and its depth is repeated over them."""
+    preset's name or a camera's .toml file. supersampling: factor of the images' rows and columns over the sensor's,
+    whose depth is repeated to the images' size."""
 
     class_type: type = ActiveStereoRenderer
     source: RendererCfg = MISSING

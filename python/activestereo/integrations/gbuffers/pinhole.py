@@ -28,8 +28,9 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
 def fitted(
     config: StereoDepthSensorConfig, width: int, height: int, fovx_deg: float, supersampling: int
 ) -> StereoDepthSensorConfig:
-    """Returns the configuration, centred, of a sensor for images of width x height pixels with a horizontal field of
-    view, which have `supersampling` times the sensor's rows and columns. Raises ValueError if that leaves a rest."""
+    """Returns a centred configuration with the field of view fovx_deg of images of width x height pixels.
+    supersampling: factor of their rows and columns over the sensor's. Raises ValueError unless it divides width and
+    height."""
     if supersampling < 1 or width % supersampling or height % supersampling:
         raise ValueError(f"supersampling is {supersampling}: images of {width}x{height} are no multiple of it")
     return centred(config.resized(width // supersampling, height // supersampling, fovx_deg))

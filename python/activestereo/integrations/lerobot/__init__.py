@@ -4,7 +4,7 @@
     lerobot-eval --env.discover_packages_path=activestereo.integrations.lerobot --env.type=libero_stereo \\
         --env.task=libero_spatial --env.stereo=D435 --policy.path=...
 
-The policy sees observation.images.depth beside the colours, turned as they are: bytes, the same in three channels.
+The policy gets observation.images.depth beside the colour images, in their orientation: bytes, equal in three channels.
 """
 
 from dataclasses import dataclass
@@ -25,9 +25,9 @@ FOVY_DEG = {"agentview": 45.0, "robot0_eye_in_hand": 75.0}  # LIBERO's arenas, r
 @EnvConfig.register_subclass("libero_stereo")
 @dataclass
 class LiberoStereo(LiberoEnv):
-    """LIBERO with measured depth. stereo: a preset's name or a camera's .toml file. depth_camera: a key of FOVY_DEG,
-    whose colour image is observed, too. depth_white_m: the depth that is 255; 0 is no measurement. Environments run one
-    after another."""
+    """Configures LIBERO with measured depth. stereo: a preset's name or a camera's .toml file. depth_camera: a key of
+    FOVY_DEG, whose colour image is observed, too. depth_white_m: depth in metres coded as 255; 0 codes no measurement.
+    Environments run one after another."""
 
     stereo: str = "D435"
     depth_camera: str = "agentview"

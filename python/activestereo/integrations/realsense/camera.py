@@ -51,7 +51,7 @@ class World:
     for the example's table top. pose: the RGB camera's pose in the scene, body axes; None: that of the scene's first
     camera. before_frame: called with the sensor and the time in seconds before each picture, to move objects.
     jitter_ms: standard deviation of the latency. drop_share: share of each stream's frames that are lost. seed: repeats
-    both. frames: after this number no frame arrives, and waiting fails as with an unplugged camera; None: no end."""
+    both. frames: after so many frames none arrives, and waiting fails as with an unplugged camera; None: no end."""
 
     scene: str | os.PathLike[str] | kuafu.Scene | None = None
     sensor: str = "D435"

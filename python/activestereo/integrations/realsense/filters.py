@@ -286,9 +286,9 @@ class align:
                 profile = video_stream_profile(other.profile.request, own.intrinsics, own.left_to_stream)
                 aligned.append(other.changed(out, profile.seen(own.intrinsics)))
             return composite_frame(aligned)
-        # Each measured pixel moves to the color pixel of its upper left corner. If depth is the coarser image, it
-        # covers the rectangle between its corners. The nearest one stays. As in librealsense, depth keeps the depth
-        # camera's values.
+        # Each measured pixel moves to the colour pixel of its upper left corner. If depth is the coarser image, it
+        # covers the rectangle between its corners. Where several fall on one pixel, the nearest stays. As in
+        # librealsense, values remain depth in the depth camera.
         lens, counts = target.intrinsics, np.asarray(depth.get_data())
         first = _pixels(depth, target, -_CORNER_PX)
         densities = []  # pixels per radian of the field of view, horizontal and vertical
@@ -377,7 +377,7 @@ class pointcloud:
         self._mapped: frame | None = None
 
     def map_to(self, mapped: frame) -> None:
-        """Sets the frame, such as a colour image, into which the texture coordinates of the next points lead."""
+        """Sets the frame, such as a colour image, to whose pixels the texture coordinates of later points refer."""
         self._mapped = mapped
 
     def calculate(self, depth: frame) -> points:
@@ -403,7 +403,7 @@ class pointcloud:
 
 
 class save_to_ply(filter):
-    """Writes the points of each frame or frameset into the same PLY file, in place of the previous ones. Options of its
+    """Writes the points of each frame or frameset into one PLY file, which the next one overwrites. Options of its
     format are accepted without effect."""
 
     option_ignore_color, option_ply_mesh, option_ply_binary, option_ply_normals, option_ply_threshold = range(100, 105)

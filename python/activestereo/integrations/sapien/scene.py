@@ -2,9 +2,9 @@
 """Mirrors a live SAPIEN scene in a kuafu scene: its visible entities and lights, at their present poses.
 
 ActorBuilder replaces SAPIEN's on machines without a rendering device, where SAPIEN refuses to make a material or a
-visual shape. It has the same methods, with a kuafu.Material or a colour for materials. Its records become a component
-of the entity. SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's meshes get the names of
-SAPIEN's classes."""
+visual shape. It has the same methods, with a kuafu.Material or a colour for materials. The visual shapes are stored as
+VisualRecords, a component of the entity. SAPIEN's cylinders and capsules lie along x, its planes face along x. kuafu's
+meshes get the names of SAPIEN's classes."""
 
 from __future__ import annotations
 
@@ -103,8 +103,8 @@ class Looks:
         return out
 
     def materials(self, entity: Any) -> list[int]:
-        """Returns the numbers in the scene of the materials of an entity's shapes, in shapes()'s order. Meshes are not
-        added: use it if they are in the scene already."""
+        """Returns the scene's material numbers of an entity's shapes, in the order of shapes(). It adds materials but
+        no meshes: use it if the meshes are in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def material(self, material: Any) -> int:
@@ -325,7 +325,7 @@ class SapienScene:
         return cls(scene) if known is None or known.sapien_scene is not scene else known
 
     def update(self) -> int:
-        """Brings the scene up to date. Returns the number of shapes that moved."""
+        """Updates the mirror to SAPIEN's present state. Returns the number of shapes that moved."""
         seen = {entity.per_scene_id: entity for entity in self.sapien_scene.entities if is_visible(entity)}
         for number in [n for n in self._names if n not in seen]:
             self.bodies.remove(self._names.pop(number))

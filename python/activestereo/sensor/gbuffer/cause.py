@@ -50,7 +50,7 @@ _MOST_PIXELS = 3
 class Warped(NamedTuple):
     """The view of a second camera, computed from a first camera's depth; each array is [E, height, width].
     inverse_depth: 1/m in the second camera. pixel: index into the first camera's flattened images, of the pixel with
-    the same surface. seen: false where the first camera sees no surface; there the background beside it continues."""
+    the same surface. seen: false where the first camera sees no surface; there the background is continued."""
 
     inverse_depth: NDArray[np.float64]
     pixel: NDArray[np.intp]
@@ -112,9 +112,9 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
 def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Returns by how much another camera sees a nearer surface, 1/m, 0 or less = not nearer. That is `beside`, the
-    other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the image read its
-    nearest column."""
+    """Returns the difference of two cameras' inverse depths, 1/m; above 0 the other camera sees a nearer surface. It is
+    `beside`, the other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the
+    image read its nearest column."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
@@ -151,7 +151,7 @@ CAUSES = (
 )
 # Depths whose disparities differ by more than this belong to two surfaces.
 _EDGE_PX = 1.0
-# Relative disparity change of a slanted surface within a block; restored pixels of ten random worlds gave it.
+# Largest relative disparity change of a slanted surface within a block, chosen from ten random scenes.
 _SLANT = 0.1
 _HIDDEN_PX = 1.0
 _SATURATED_SHARE = 0.1  # share of the block's pixels
@@ -247,8 +247,8 @@ def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def mean_and_deviation(
     images: NDArray[Any], window: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (mean, standard deviation) of each pixel's window. Borders repeat the edge pixels. window: its size along
-    each axis of `images`."""
+    """Returns (mean, standard deviation) over a window around each pixel. Borders repeat the edge pixels. window: its
+    size in pixels along each axis of `images`."""
     values = np.asarray(images, np.float64)
     mean = uniform_filter(values, window, mode="nearest")
     return mean, np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))

@@ -38,7 +38,7 @@ class MaterialNumbers:
     """Adds materials to a scene and maps the caller's numbers to the scene's material ids.
 
     materials: a sequence of kuafu.Material, or {number: kuafu.Material} with numbers 0 to 65535. None: all surfaces are
-    matt and only an albedo tells them apart. Raises TypeError for other entries, ValueError for other numbers."""
+    matt and differ only in albedo. Raises TypeError for other entries, ValueError for other numbers."""
 
     def __init__(self, scene: kuafu.Scene, materials: Any = None) -> None:
         self.is_given = materials is not None
@@ -205,10 +205,10 @@ class GBufferStereo:
 
     config: a StereoDepthSensorConfig, which is copied, or a camera's name; 'converging' exposure becomes 'settled'.
     device: where light and depth are computed, as kuafu.Device has it. materials: kuafu.Materials by number. model: a
-    SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine act. Light bounces only
-    between surfaces that the images show; 'cause' names mirroring metal and glass. supersampling: the given images have
-    so many times the imagers' rows and columns, 1 to 4; each of their pixels is lit, and an imager's pixel gets the
-    mean, so that it shows several surfaces at an edge as a traced one does. on_cuda: the depth engine's results
+    SensorModel or a model.json, whose effects on projector, cameras, imagers and depth engine are applied. Light
+    bounces only between surfaces that the images show; the output 'cause' marks metal mirrors and glass. supersampling:
+    factor 1 to 4 of the input images' rows and columns over the imagers'. All input pixels are lit; an imager's pixel
+    is their mean and so mixes the surfaces at an edge, as a path-traced one does. on_cuda: the depth engine's results
     stay on the GPU, in arrays that torch and CuPy take without a copy. The next call overwrites them. The first call
     raises CudaError without CUDA. With a fixed exposure all other images stay there, too. Raises ValueError for a
     configuration or a model with lens distortion, unaligned rows, or effects on images.
@@ -255,7 +255,7 @@ class GBufferStereo:
 
     @property
     def input_shape(self) -> tuple[int, int, int]:
-        """Returns (environments, rows, columns) of the images to give: shape's, times supersampling."""
+        """Returns (environments, rows, columns) of the input images: `shape` times supersampling."""
         count, height, width = self.shape
         return count, height * self._supersampling, width * self._supersampling
 
@@ -264,7 +264,7 @@ class GBufferStereo:
         return deepcopy(self._config)
 
     def restart(self, seed: int | Sequence[int]) -> None:
-        """Makes the next call frame 0 under this seed; noise repeats after the same restart. seed: a number, or one for
+        """Numbers the next frame 0 and seeds its noise; the same seed repeats the noise. seed: a number, or one for
         each environment. With one for each, an environment's noise does not depend on its index."""
         given = np.asarray(seed, dtype=object)
         if given.ndim == 0:
@@ -393,9 +393,9 @@ class GBufferStereo:
         self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
         right_laser: ArrayLike | None = None,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Computes depth, disparity, ir_left, ir_right and the matcher's reason from given radiance, [E, height, width]
-        W/(sr m^2), as the next frame. *_laser: the projector's part of it, the only light with speckle; None: all light
-        has speckle."""
+        """Computes depth, disparity, ir_left, ir_right and the matcher's reason of the next frame from radiance images
+        left and right, [E, height, width] W/(sr m^2). *_laser: the projector's part of the radiance, the only light
+        with speckle; None: all light has speckle."""
         pair, lasers = checked_radiance(left, right, left_laser, right_laser, self.shape)
         self._frame += 1
         self._rig.begin(self._frame)
@@ -410,8 +410,9 @@ class GBufferStereo:
     # ---- inside ----
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
-        """Raises ValueError unless `given` has a depth in metres and, for each surface, an albedo or a known material
-        number. whose: the camera's name in the message."""
+        """Raises ValueError unless `given` has depth, and material (albedo if the sensor has no materials). On the
+        host, depth must be in metres and the surfaces' material numbers known. whose: the camera's name in the
+        message."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         if not getattr(given["depth"], "is_cuda", False):
