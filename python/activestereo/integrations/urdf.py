@@ -59,7 +59,7 @@ class _Joint:
 
 
 class Urdf:
-    """A robot's links, joints and visual shapes from a URDF file.
+    """Reads a robot's links, joints and visual shapes from a URDF file.
 
     packages: {name: folder} for meshes at package://name/...; other packages are looked for in the folders above the
     file. Raises ValueError with the file and the fault."""
@@ -85,8 +85,8 @@ class Urdf:
             raise ValueError(f"{path}: joint '{unknown.name}' mimics '{unknown.driver}', which does not move by itself")
 
     def add_to(self, bodies: Bodies, prefix: str = "") -> list[int]:
-        """Adds a body for each link, in the order of link_names and with `prefix` before its name. Returns the bodies'
-        numbers."""
+        """Adds a body for each link, in the order of link_names. The body's name is `prefix` and the link's name.
+        Returns the bodies' numbers."""
         out = []
         for name, visuals in zip(self.link_names, self._visuals, strict=True):
             shapes = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shows any simulator's rigid bodies in a kuafu scene: they are made once, then moved by arrays of poses.
+"""Shows any simulator's rigid bodies in a kuafu scene: each body is added once, then moved by arrays of poses.
 
     bodies = Bodies(scene, environment_count=16)
     cup = bodies.add("cup", [Shape(scene.add_mesh(positions, triangles), [material])])
@@ -42,8 +42,8 @@ class Shape:
 
 class Bodies:
     """Rigid bodies of one scene, numbered in the order of adding. environment_count: number E of environments, which
-    share meshes and materials; each view of a render sees one. None: one scene without environments, whose poses are
-    [bodies, 7] or [bodies, 4, 4]."""
+    share meshes and materials; each camera sees one. None: one scene without environments, whose poses are [bodies, 7]
+    or [bodies, 4, 4]."""
 
     def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
         if environment_count is not None and environment_count < 1:
@@ -57,8 +57,8 @@ class Bodies:
         self._bodies = np.empty(0, np.intp)
         self._semantic_ids = np.zeros(1, np.uint32)
         self._to_body = np.empty((0, 4, 4))
-        self._materials: list[tuple[int, ...]] = []  # as they were given
-        self._varied: dict[tuple[int, int], int] = {}  # materials by environment and the one that was given
+        self._materials: list[tuple[int, ...]] = []  # each instance's, as add() got them
+        self._varied: dict[tuple[int, int], int] = {}  # {(environment, original material): varied material}
         self._last = np.zeros((environment_count or 1, 0, 4, 4))
 
     def add(
@@ -70,8 +70,8 @@ class Bodies:
         semantic_id: int = 0,
     ) -> int:
         """Puts a body into the scene and returns its number. shapes: the same in each environment, or {environment:
-        shapes}. pose: [7] or [4, 4] until the body is moved. environments: those that get the body, all by default.
-        semantic_id: the body's value in kuafu's output `semantic_id`."""
+        shapes}. pose: [7] or [4, 4] until the body is moved. environments: numbers of the environments that get the
+        body; None: all. semantic_id: the body's value in kuafu's output `semantic_id`."""
         if name in self.names:
             raise ValueError(f"there is a body '{name}' already")
         start = np.eye(4) if pose is None else pose_matrices(np.asarray(pose, dtype=np.float64), f"body '{name}'")
@@ -105,7 +105,7 @@ class Bodies:
             for environment, shape in rows
         ]
         self._instances = np.append(self._instances, np.array(instances, np.uint32))
-        if instances:  # whose numbers are above all before them
+        if instances:  # their numbers are above those of all earlier instances
             more = np.zeros(instances[-1] + 2 - len(self._semantic_ids), np.uint32)
             self._semantic_ids = np.append(self._semantic_ids, more)
             self._semantic_ids[instances] = semantic_id
@@ -134,9 +134,9 @@ class Bodies:
         self._last = np.delete(self._last, body, axis=1)
 
     def vary_albedo(self, name: str, factors: ArrayLike) -> None:
-        """Multiplies a body's base colours and infrared albedos, as it was added, by a factor for each environment [E],
-        up to 1. Bodies that share a material also share the last factor. Raises ValueError with all environments of bad
-        factors; nothing has changed then."""
+        """Multiplies the base colours and infrared albedos that a body was added with by a factor for each environment,
+        [E]. Products are at most 1. Bodies of an environment that share a material also share its last factor. Raises
+        ValueError with all environments of bad factors; nothing has changed then."""
         body, values = self.index(name), np.asarray(factors, np.float64)
         if values.shape != (self.environment_count,):
             raise ValueError(f"albedo of '{name}' is {list(values.shape)}, expected [{self.environment_count}] factors")
@@ -167,13 +167,13 @@ class Bodies:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """A copy of the bodies' present poses, [E, bodies, 4, 4]; without environments [bodies, 4, 4]."""
+        """Returns a copy of the bodies' present poses, [E, bodies, 4, 4]; without environments [bodies, 4, 4]."""
         return self._last[0].copy() if self.environment_count is None else self._last.copy()
 
     @property
     def semantic_id_table(self) -> NDArray[np.uint32]:
-        """A copy of the semantic_id of each instance, by the instance's number. The last entry is 0 and stands for all
-        larger numbers."""
+        """Returns a copy of the semantic_id of each instance, indexed by the instance's number. The last entry is 0 and
+        stands for all larger numbers."""
         return self._semantic_ids.copy()
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gives a scene file without a camera a view, and a closed room without lamps a lamp. World: metres, y up, as in
-glTF."""
+"""Chooses a camera pose for a scene file without a camera, and adds a lamp to a closed room without lamps. World:
+metres, y up, as in glTF."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from activestereo.scene_io.staging import LAMPS, LUMENS_PER_WATT, ROOM_LUX, has_
 if TYPE_CHECKING:
     import kuafu
 
-# The middle of the view is no farther. There a D400's dots are some 6 % of the infrared light of a lit room, and its
+# Largest distance of the view's middle. There a D400's dots are some 6 % of the infrared light of a lit room, and its
 # depth errs by some 10 mm.
 MIDDLE_M = 2.0
 _HALF_VIEW = 0.9 * np.tan(np.deg2rad((69.0, 42.0)) / 2.0)  # nine tenths of half a D400 colour camera's view
-_SIDE = 32  # pixels of a look around
+_SIDE = 32  # pixels, width and height of the depth images that are rendered to choose a view
 _UP = (0.0, 1.0, 0.0)
 _AHEAD = np.array([0.0, -0.5, -1.0]) / np.hypot(0.5, 1.0)  # forwards and down
 _LEAST_ROOM_M = 1.5  # side of the smallest room
-_LEAST_CLOSED = 0.6  # share of the directions from a room's place in which something is seen; the rest is open
+_LEAST_CLOSED = 0.6  # least share of the pixels around a place that show a surface, in a closed room
 
 
 def overall_view(scene: kuafu.Scene, least_m: float = 0.0) -> tuple[NDArray[np.float64], str]:
-    """Returns camera_to_world [4, 4] of a camera for a scene, and words on its place. It looks forwards and down. In a
-    closed room it stands at the place with most space around. Otherwise it is as near as it can and still sees the
-    whole scene. If the middle of the view is farther than MIDDLE_M, it moves ahead to that distance. In an open scene
-    it does so only up to a size of 50 m.
+    """Returns camera_to_world [4, 4] of a camera for a scene, and a text that describes its position. It looks forwards
+    and down. In a closed room it stands at the place with most space around. Otherwise it is as near as it can and
+    still sees the whole scene. If the middle of the view is farther than MIDDLE_M, it moves ahead to that distance. In
+    an open scene it does so only up to a size of 50 m.
 
     least_m: the shortest distance that the camera measures."""
     low, high = np.array(scene.summary.bounds_min_m), np.array(scene.summary.bounds_max_m)
@@ -72,8 +72,9 @@ def light_closed_room(scene: kuafu.Scene) -> None:
 
 
 def room_place(scene: kuafu.Scene) -> NDArray[np.float64] | None:
-    """Returns the place with most space around in a closed room, at half its height, or None if the scene is no room: a
-    room's surfaces are seen all around, and what they enclose is less than half of the scene's box."""
+    """Returns the one of five positions, at half a closed room's height, that is farthest from visible surfaces; None
+    if the scene is no room. In a room surfaces are visible all around, and _enclosed_m3() is below half of the scene's
+    box."""
     low, high = np.array(scene.summary.bounds_min_m), np.array(scene.summary.bounds_max_m)
     if np.min(high - low) < _LEAST_ROOM_M:
         return None
@@ -90,8 +91,8 @@ def room_place(scene: kuafu.Scene) -> NDArray[np.float64] | None:
 
 
 def _enclosed_m3(scene: kuafu.Scene, origin: NDArray[np.float64]) -> float:
-    """Returns the volume inside of the scene's surfaces, by the divergence theorem; that of a room whose surfaces show
-    their front to its inside is negative."""
+    """Returns the volume inside the scene's surfaces, by the divergence theorem about the point `origin`. It is
+    negative for a room whose surfaces face inwards."""
     total = 0.0
     for number in range(scene.summary.instance_count):
         instance = scene.get_instance(number)
@@ -102,8 +103,8 @@ def _enclosed_m3(scene: kuafu.Scene, origin: NDArray[np.float64]) -> float:
 
 
 def _approached(scene: kuafu.Scene, view: NDArray[np.float64], least_m: float) -> NDArray[np.float64]:
-    """Returns the view, moved ahead in a few steps until its middle is MIDDLE_M away at most. It goes through nothing
-    that is seen."""
+    """Returns the view, moved ahead in a few steps until its middle is MIDDLE_M away at most. It stops before the
+    nearest visible surface."""
     near = view.copy()
     for _ in range(4):
         [depth] = _depths(scene, [near], _HALF_VIEW)
@@ -116,7 +117,7 @@ def _approached(scene: kuafu.Scene, view: NDArray[np.float64], least_m: float) -
 
 
 def _middle_m(depth: NDArray[np.float32]) -> float:
-    """Returns the median depth in the middle third of a picture, infinite where nothing is seen."""
+    """Returns the median depth in the middle third of a depth image, infinite if no surface is visible there."""
     middle = depth[_SIDE // 3 : -(_SIDE // 3), _SIDE // 3 : -(_SIDE // 3)]
     return float(np.median(middle[middle > 0.0])) if np.any(middle > 0.0) else np.inf
 

@@ -4,9 +4,9 @@ differently.
 
     python -m activestereo.scene_io.example_scene table_top.gltf
 
-World axes are glTF's (y up); the table top is y = 0. The node "camera" stands as a sensor would, 0.5 to 1.4 m from the
-objects. Two lamps near the ceiling light the middle of the table with 240 lux. Light from a room's walls, ROOM_RADIANCE
-of staging.py, adds 70 lux. The sum is within 300 to 500 lux, as EN 12464-1 asks of offices."""
+World axes are glTF's (y up); the table top is y = 0. The node "camera" is where a sensor would be, 0.5 to 1.4 m from
+the objects. Two lamps near the ceiling light the middle of the table with 240 lux. Light from a room's walls,
+ROOM_RADIANCE of staging.py, adds 70 lux. The sum is within 300 to 500 lux, as EN 12464-1 asks of offices."""
 
 import sys
 from collections.abc import Sequence
@@ -57,7 +57,7 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
 def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
     """Adds all materials and returns {name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850
     nm."""
-    table = {  # colour, roughness, metallic, ir_albedo; roughness None: it scatters light evenly
+    table = {  # colour, roughness, metallic, ir_albedo; roughness None: Lambertian
         "wood": ((1.0, 1.0, 1.0), 0.65, 0.0, 0.52),
         "wall": ((0.62, 0.66, 0.68), None, 0.0, 0.60),
         "clay": ((0.70, 0.27, 0.15), None, 0.0, 0.55),

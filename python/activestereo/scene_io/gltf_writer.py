@@ -16,7 +16,7 @@ from activestereo.scene_io.staging import LUMENS_PER_WATT
 
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _FLOAT, _UINT = 5126, 5125
-REPEAT, CLAMP, MIRROR = 10497, 33071, 33648  # how a texture goes on beyond its image
+REPEAT, CLAMP, MIRROR = 10497, 33071, 33648  # glTF's codes for texture coordinates beyond 0..1
 
 
 class GltfWriter:
@@ -30,8 +30,8 @@ class GltfWriter:
         }
 
     def set_extras(self, **fields: Any) -> None:
-        """Replaces the asset's `extras` by these fields (JSON values): facts for this project's programs that glTF
-        cannot express."""
+        """Replaces the asset's `extras` by these fields (JSON values), for facts that glTF cannot express and this
+        project's programs read."""
         self._json["asset"]["extras"] = fields
 
     def add_material(self, name: str, **fields: Any) -> int:
@@ -43,8 +43,8 @@ class GltfWriter:
     def add_texture(
         self, file_bytes: bytes, name: str, wrap: tuple[int, int] = (REPEAT, REPEAT), mime: str = "image/png"
     ) -> int:
-        """Adds a texture and returns its index. file_bytes: a PNG or JPEG file, as `mime` says. wrap: glTF's codes
-        along u and v."""
+        """Adds a texture and returns its index. file_bytes: a PNG or JPEG file, as `mime` says. wrap: REPEAT, CLAMP or
+        MIRROR along u and v."""
         image = self._append("images", {"name": name, "mimeType": mime, "bufferView": self._view(file_bytes)})
         wraps = {} if wrap == (REPEAT, REPEAT) else {"wrapS": wrap[0], "wrapT": wrap[1]}
         sampler = self._append("samplers", {"magFilter": 9729, "minFilter": 9729, **wraps})
@@ -83,8 +83,8 @@ class GltfWriter:
     def add_point_light(
         self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
-        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: the light's, as kuafu's importer
-        reads them."""
+        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: the light's `extras`, for kuafu's
+        importer."""
         self._light(name, {"type": "point"}, color, intensity, extras, translation=list(translation))
 
     def add_directional_light(
@@ -98,7 +98,7 @@ class GltfWriter:
         cone_rad: tuple[float, float], **extras: Any,
     ) -> None:  # fmt: skip
         """Adds a light that shines in a cone around its node's -z. intensity: W/sr at colour 1, for each channel.
-        cone_rad: half angles at which the light begins to fall and at which it ends."""
+        cone_rad: the half angles, in radians, at which the light begins to fall off and reaches 0."""
         kind = {"type": "spot", "spot": {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}}
         self._light(name, kind, color, intensity, extras, matrix=_columns(local_to_world))
 

@@ -44,8 +44,8 @@ def grid(rows: int, columns: int) -> np.ndarray:
 
 def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray | None = None) -> np.ndarray:
     """Connects neighbouring pixels of a depth image [height, width] (0 = none) to triangles [t, 3] of pixel numbers.
-    The depths of a triangle differ by less than the share `largest_step`. wanted: mask of pixels; each triangle has at
-    least one."""
+    The depths of a triangle differ by less than `largest_step` times its least depth. wanted: mask of pixels; each
+    triangle has at least one."""
     number = np.arange(depth.size).reshape(depth.shape)
     a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
     faces = []
@@ -59,8 +59,8 @@ def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray |
 
 
 def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
-    """Makes a parallelogram from a corner and two sides. It is visible from the side that cross(side_u, side_v) points
-    to; the texture is upright with side_v up."""
+    """Makes a parallelogram from a corner and two sides. Its front faces along cross(side_u, side_v); the texture is
+    upright with side_v up."""
     origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))
     normal = np.cross(side_u, side_v)
     normal /= np.linalg.norm(normal)
@@ -105,7 +105,7 @@ def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
 
 
 def arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float, points: int = 24) -> np.ndarray:
-    """Returns points [n, 2] (radius, height) on a circle's arc for a lathe profile; 0 degrees points outwards, 90
+    """Returns points [n, 2] (radius, height) on a circle's arc, as a profile for lathe(). 0 degrees points outwards, 90
     up."""
     angle = np.deg2rad(np.linspace(start_deg, end_deg, points))
     return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)

@@ -37,7 +37,7 @@ def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tupl
     numbers: dict[int, int] = {}
     out = []
     for part in parts:
-        material = part.material or kuafu.Material(specular=0.0)  # white, below the colours of vertices
+        material = part.material or kuafu.Material(specular=0.0)  # white, which the vertex colours multiply
         material.name = material.name or name
         for key in _TEXTURES:
             image = part.textures.get(key)
@@ -52,7 +52,7 @@ def add_parts(scene: kuafu.Scene, parts: Sequence[Part], name: str) -> list[tupl
 
 def read_parts(path: str | Path) -> list[Part]:
     """Reads the parts of a .obj, .ply, .stl, .dae, .gltf or .glb file, in the file's axes and unit (Collada and glTF:
-    metres). Without normals in the file, it shades by _shaded(). Raises ValueError with the file and its fault."""
+    metres). If the file has no normals, _shaded() makes them. Raises ValueError with the file and its fault."""
     scene = kuafu.Scene(_device())
     try:
         scene.load(path)
@@ -88,9 +88,9 @@ def read_parts(path: str | Path) -> list[Part]:
 def _shaded(
     points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
 ) -> Mesh:
-    """Makes a Mesh with smooth normals and a vertex for each triangle corner. Faces at a vertex share a normal if they
-    turn by less than CREASE_DEG: a cylinder's side is round and its rim sharp. points: [n, 3]. faces: [t, 3]. uvs: [n,
-    2]."""
+    """Makes a Mesh with smooth normals and a vertex for each triangle corner. Faces at a vertex share a normal if the
+    angle between them is below CREASE_DEG: a cylinder's side is smooth and its rim sharp. points: [n, 3]. faces: [t,
+    3]. uvs: [n, 2]."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     joined = same.reshape(-1)[faces]
     edges = points[faces]
@@ -110,7 +110,7 @@ def _shaded(
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(
         length > 0.0, normals / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0)
-    )  # of no area: unseen
+    )  # for corners of triangles without area
     at = faces.ravel()
     return Mesh.from_arrays(
         points[at], normals, np.zeros((len(at), 2)) if uvs is None else uvs[at], np.arange(len(at)).reshape(-1, 3)
@@ -119,5 +119,5 @@ def _shaded(
 
 @cache
 def _device() -> kuafu.Device:
-    """Returns one device for reading all files, since a scene is made on a device."""
+    """Returns the device of the scenes that files are read into; it is made once."""
     return kuafu.Device()

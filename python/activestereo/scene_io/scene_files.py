@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Loads scene files of every kind: kuafu reads them, after usd-core has converted USD. Also reads glTF's JSON, and
-guesses the unit of a scene of an unlikely size."""
+"""Loads scene files of every kind: kuafu reads them, after usd-core has converted USD. Also reads the JSON of glTF
+files, and guesses the unit of a scene whose size is unlikely."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def likely_unit(size_m: float) -> float:
 
 
 def size_hint(size_m: float) -> str:
-    """Returns a hint at the unit that a scene of an unlikely size may have; an empty text for a likely size."""
+    """Returns a text that suggests a unit for a scene of unlikely size; an empty text for a likely size."""
     unit = likely_unit(size_m)
     if unit == 1.0:
         return ""

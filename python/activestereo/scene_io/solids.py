@@ -42,8 +42,8 @@ def cylinder() -> Mesh:
 
 @cache
 def capsule(radius_m: float, half_length_m: float) -> Mesh:
-    """Returns a capsule, which cannot be scaled from another. half_length_m: half the length between its half
-    spheres."""
+    """Returns a capsule of final size, because scaling would distort its ends. half_length_m: half the length of the
+    cylinder between its half spheres."""
     profile = np.vstack(
         [meshes.arc((0.0, -half_length_m), radius_m, -90.0, 0.0), meshes.arc((0.0, half_length_m), radius_m, 0.0, 90.0)]
     )
@@ -58,7 +58,7 @@ def rectangle() -> Mesh:
 
 
 def turned(mesh: Mesh, rotation: NDArray[np.float64]) -> Mesh:
-    """Returns the mesh rotated by a 3x3 from its axes to the new ones."""
+    """Returns the mesh rotated by a 3x3, which maps its axes to the new ones."""
     return Mesh.from_arrays(mesh.positions @ rotation.T, mesh.normals @ rotation.T, mesh.uvs, mesh.indices)
 
 

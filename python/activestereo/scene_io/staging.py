@@ -3,8 +3,8 @@
 
 Scene files state photometric units: candela and lux (KHR_lights_punctual), nits (UsdLux). Divided by LUMENS_PER_WATT
 they are visible light in W/sr, W/m^2 and W/(sr m^2). A camera's `ir_ambient_scale` is the share of a white LED's
-visible light that its infrared imagers count. INFRARED_SHARES multiplies it for other lamps that are as bright to the
-eye. Environment maps are Radiance HDR and OpenEXR in linear radiance, PNG and JPEG in sRGB."""
+visible light that its infrared imagers count. For other lamps of equal visible light, INFRARED_SHARES multiplies this
+share. Environment maps are Radiance HDR and OpenEXR in linear radiance, PNG and JPEG in sRGB."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 LUMENS_PER_WATT = 683.0
 
 # Counts of an unfiltered silicon imager per lumen, over those of a white LED of 300 lm/W (Murphy, J. Appl. Phys. 111,
-# 2012). What glows follows Planck's law at the temperature given; the imager's quantum efficiency is even to 600 nm and
-# falls to 0 at 1050 nm. Fluorescent lamps, like LEDs, send next to nothing beyond 700 nm.
+# 2012). Glowing lamps follow Planck's law at the stated temperature; the imager's quantum efficiency is even to 600 nm
+# and falls to 0 at 1050 nm. Fluorescent lamps, like LEDs, send next to nothing beyond 700 nm.
 INFRARED_SHARES = {
     "led": 1.0,
     "fluorescent": 1.0,
@@ -81,8 +81,8 @@ def part_light(scene: kuafu.Scene) -> None:
 
 
 def room_radiance(scene: kuafu.Scene) -> float:
-    """Returns the default visible radiance from all sides, W/(sr m^2): a room's walls with lamps in the scene, else an
-    office's sky."""
+    """Returns the default visible radiance from all sides, W/(sr m^2): light from a room's walls if the scene has
+    lamps, else the light of an office."""
     return ROOM_RADIANCE if has_lamps(scene) else float(ROOM_WITHOUT_LAMPS)
 
 
@@ -94,8 +94,8 @@ def has_lamps(scene: kuafu.Scene) -> bool:
     )
 
 
-# A map's frame has row 0 along -y; a scene with y up turns it by half a turn about x, so that the middle column looks
-# along -z, as a glTF camera does, and columns go towards +x.
+# In a map's own axes row 0 lies along -y. A scene with y up rotates the map by half a turn about x. Then the middle
+# column lies along -z, where a glTF camera looks, and columns go towards +x.
 MAP_TO_Y_UP = np.diag([1.0, -1.0, -1.0])
 
 
@@ -136,7 +136,7 @@ def read_environment_map(path: str | Path) -> np.ndarray:
 
 
 def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
-    """Lights a scene with y up by the map in a file, times `scale`, in the light group ALL_SIDES. Raises
+    """Lights a scene with y up by an environment map file, times `scale`, in the light group ALL_SIDES. Raises
     EnvironmentMapError."""
     texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
     scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP, light_group=ALL_SIDES)

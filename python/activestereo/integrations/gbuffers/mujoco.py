@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes GBufferStereo's arguments with mujoco.Renderer: depth, and the geoms' numbers as materials."""
+"""Renders GBufferStereo's input images with mujoco.Renderer: depth, and the geoms' numbers as material numbers."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
-    """Returns {number of a geom: its material without textures}, for all geoms of the model, to be given to
-    GBufferStereo as materials."""
+    """Returns {number of a geom: its kuafu.Material without textures} of all geoms of the model, for GBufferStereo's
+    argument `materials`."""
     return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes GBufferStereo's arguments with MuJoCo Warp's renderer: depth and geom numbers of all worlds, on its device."""
+"""Renders GBufferStereo's input images with MuJoCo Warp: depth and geom numbers of all worlds, on MuJoCo Warp's
+device."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 class MujocoWarpGBuffers:
     """Renders depth and geom numbers of all worlds, as arguments of a GBufferStereo that was made with
     geom_materials(). context: from mjw.create_render_context(), with render_depth and render_seg, for a model that
-    set_camera() has prepared. camera: its number there."""
+    set_camera() has prepared. camera: the camera's index in `context`."""
 
     def __init__(self, context: Any, sensor: GBufferStereo, camera: int = 0) -> None:
         self._context, self._camera, self._shape = context, camera, sensor.input_shape

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes GBufferStereo's arguments with Newton's SensorCamera: depth, normals and albedo of all worlds, on the model's
-device."""
+"""Renders GBufferStereo's input images with Newton's SensorCamera: depth, normals and albedo of all worlds, on the
+model's device."""
 
 from __future__ import annotations
 

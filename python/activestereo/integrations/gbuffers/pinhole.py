@@ -28,9 +28,8 @@ def centred(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
 def fitted(
     config: StereoDepthSensorConfig, width: int, height: int, fovx_deg: float, supersampling: int
 ) -> StereoDepthSensorConfig:
-    """Returns a centred configuration with the field of view fovx_deg of images of width x height pixels.
-    supersampling: factor of their rows and columns over the sensor's. Raises ValueError unless it divides width and
-    height."""
+    """Returns a centred configuration for images of width x height pixels with the field of view fovx_deg. The images
+    have `supersampling` times the sensor's rows and columns. Raises ValueError unless it divides both."""
     if supersampling < 1 or width % supersampling or height % supersampling:
         raise ValueError(f"supersampling is {supersampling}: images of {width}x{height} are no multiple of it")
     return centred(config.resized(width // supersampling, height // supersampling, fovx_deg))

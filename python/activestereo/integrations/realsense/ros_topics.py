@@ -98,8 +98,8 @@ def _header(time_ns: int, axes: str, make: Callable[..., Any]) -> Any:
 
 
 def _places(profiles: dict[Key, video_stream_profile], make: Callable[..., Any]) -> Iterator[Published]:
-    """Yields the extrinsics from depth to each other stream, and the tree of frames below camera_link, which is depth's
-    frame."""
+    """Yields messages of the extrinsics from depth to each other stream, and of the tree of frames below camera_link,
+    the depth camera's frame."""
     from scipy.spatial.transform import Rotation
 
     base = profiles.get(_DEPTH)

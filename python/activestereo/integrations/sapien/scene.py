@@ -145,8 +145,8 @@ def is_visible(entity: Any) -> bool:
 
 
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
-    """Yields the parts of an entity's visual shapes (else collision shapes), each with the shape's pose in the
-    entity."""
+    """Yields (part, sapien.Pose of its shape in the entity) for an entity's visual shapes, or for its collision shapes
+    if it has no visual ones."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
     bodies = _components(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]

@@ -25,7 +25,7 @@ _SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 @dataclass(frozen=True)
 class Converted:
-    """The parts of a stage that a .glb file cannot hold, and messages about losses."""
+    """Holds what a .glb file cannot: the dome light's radiance, and messages about content that was not converted."""
 
     ambient: tuple[float, float, float] | None  # radiance of the stage's dome light; None: it has none
     messages: tuple[str, ...]
@@ -37,7 +37,7 @@ def is_usd(path: str | PathLike[str]) -> bool:
 
 def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = None) -> Converted:
     """Writes the stage at `path` to the file `glb`. time_s: seconds after the stage's first time code; None: each
-    attribute's earliest sample. Raises UsdError of one line."""
+    attribute's earliest sample. Raises UsdError with a text of one line."""
     stage = open_stage(Path(path), time_s)
     from pxr import Tf  # open_stage says where it is missing
 
@@ -191,7 +191,7 @@ class _Conversion:
             root = self.stage.stage.GetPrimAtPath(prototypes[number])
             above = np.linalg.inv(columns(self.cache.GetLocalToWorldTransform(root)))
             for prim in self.visible(root):
-                # The copy's matrix has its prototype's own transform inside.
+                # The copy's matrix includes its prototype's own transform.
                 inside = above @ columns(self.cache.GetLocalToWorldTransform(prim))
                 self.add(prim, to_stage @ columns(matrix) @ inside)
 

@@ -19,12 +19,12 @@ _LOG = logging.getLogger("activestereo.scene_io.usd")
 
 
 class UsdError(ValueError):
-    """Raised if a USD file cannot be shown. The message has the file and the remedy."""
+    """Raised if a USD file cannot be converted. The message has the file and the remedy."""
 
 
 @dataclass
 class Stage:
-    """An open stage at one time, with the messages about it."""
+    """An open USD stage, read at one time code, with the messages about its conversion."""
 
     path: Path
     stage: Any  # Usd.Stage
@@ -92,7 +92,7 @@ def open_stage(path: Path, time_s: float | None) -> Stage:
 
 
 def cause(error: Exception) -> str:
-    """Returns the first text that one of Pixar's errors quotes; they begin with their own source lines."""
+    """Returns the first text that an error of Pixar's USD quotes; such errors begin with source lines of USD."""
     quoted = [line.split(" : '", 1)[1].rstrip("'") for line in str(error).splitlines() if " : '" in line]
     return quoted[0] if quoted else "its errors say nothing"
 
@@ -203,8 +203,8 @@ def _primvar(stage: Stage, prim: Any, name: str, cut: Polygons) -> np.ndarray | 
 
 
 def _normals(stage: Stage, mesh: Any, cut: Polygons, points: np.ndarray) -> np.ndarray:
-    """Returns unit normals of the corners of `cut`, [corners, 3], in the mesh's own frame. Without usable authored
-    ones, a mesh with a subdivision scheme gets smooth ones and others those of their faces."""
+    """Returns unit normals of the corners of `cut`, [corners, 3], in the mesh's own frame. Without usable normals in
+    the file, a mesh with a subdivision scheme gets smooth normals and another mesh its faces' normals."""
     found = _primvar(stage, mesh.GetPrim(), "normals", cut)
     if found is None:
         authored = stage.vectors(mesh.GetNormalsAttr())

@@ -102,8 +102,8 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
 
 
 def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict[str, Any], Mesh | None]:
-    """Returns a lamp's (emitting area, area seen from far away on its axis, extras for glTF's light, mesh of a tube's
-    surface or None). to: 4x4 from the lamp's axes to axes in the unit of the areas."""
+    """Returns a lamp's (emitting area, its largest projected area, extras for glTF's light, mesh of a tube's surface or
+    None). to: 4x4 from the lamp's axes to axes in the unit of the areas."""
     from pxr import UsdLux
 
     kind, scales = str(prim.GetTypeName()), np.linalg.norm(to[:3, :3], axis=0)
@@ -279,7 +279,7 @@ class Surfaces:
         to[key] = {"index": self._textures[identity]}
 
     def _number(self, shader: Any, key: str, fallback: float) -> float:
-        """Reads the number of a shader's input; tells that a texture there is not read, and takes `fallback`."""
+        """Returns the number of a shader's input. For a texture it logs a message and returns `fallback`."""
         value, picture = self._input(shader, key, fallback)
         if picture is not None:
             self._stage.tell(f"{shader.GetPath()}.{key}: its texture is not read; it is {fallback:g}")
@@ -358,8 +358,8 @@ class Surfaces:
         return Picture(data, asset.path, asset.resolvedPath, channel, (wrap[0], wrap[1]), uv_name)
 
     def _uv_name(self, source: Any, key: str, where: str, transforms: int = 0) -> str:
-        """Returns the primvar that the input `key` reads, through at most eight transforms, since a file may connect
-        them in a ring."""
+        """Returns the name of the primvar of texture coordinates that the input `key` reads, through at most eight
+        transforms, because a file may connect them in a ring."""
         from pxr import UsdShade
 
         entry = source.GetInput(key)
@@ -384,8 +384,8 @@ def _open(picture: Picture) -> Image.Image:
 
 
 def _joined(parts: dict[str, Picture | None]) -> Picture | None:
-    """Joins pictures into one glTF texture; None without pictures. parts: by role, 'color' and 'opacity' (its alpha),
-    or 'roughness' and 'metallic' (its green and blue). A colour picture's own alpha is ignored."""
+    """Joins pictures into one glTF texture image; None without pictures. parts: by role, 'color' and 'opacity' (its
+    alpha), or 'roughness' and 'metallic' (its green and blue). A colour picture's own alpha is ignored."""
     used = {role: part for role, part in parts.items() if part is not None}
     if not used:
         return None

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warps a camera's depth to the views of the projector and the right camera, and finds the physical cause of each pixel
-without depth, also for a path-traced sensor. simsense's 'reason' only names the check that refused the pixel."""
+"""Warps depth to the view of a second camera, and finds the physical cause of each pixel without depth, for sensors on
+G-buffers and path-traced ones. simsense's 'reason' only names the check that refused the pixel."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _MOST_PIXELS = 3
 class Warped(NamedTuple):
     """The view of a second camera, computed from a first camera's depth; each array is [E, height, width].
     inverse_depth: 1/m in the second camera. pixel: index into the first camera's flattened images, of the pixel with
-    the same surface. seen: false where the first camera sees no surface; there the background is continued."""
+    the same surface. seen: false in holes, to which no pixel of the first camera maps; the farther edge fills them."""
 
     inverse_depth: NDArray[np.float64]
     pixel: NDArray[np.intp]

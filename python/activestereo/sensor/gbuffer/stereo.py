@@ -283,18 +283,18 @@ class GBufferStereo:
         right: Mapping[str, Any] | None = None, projector: Any = None, ambient: ArrayLike | None = None,
         laser_power: ArrayLike = 1.0, exposure: ArrayLike = 1.0, outputs: Sequence[Output] | None = None,
     ) -> StereoImages:  # fmt: skip
-        """Simulates one frame and returns its outputs. Images are of input_shape, of the left infrared camera with
-        matrix k, from NumPy, torch or DLPack.
+        """Simulates one frame and returns its outputs. Images have the shape input_shape and show the view of the left
+        infrared camera with matrix k. They are NumPy, torch or DLPack arrays.
 
         depth: metres, 0 or inf = nothing there; depth_kind: 'planar' (z) or 'ray' (along the ray). normal [..., 3]:
-        unit, in the camera's axes (x right, y down, z forward), None = found from depth. albedo: infrared, 0..1 or
+        unit, in the camera's axes (x right, y down, z forward), None = computed from depth. albedo: infrared, 0..1 or
         uint8, or [..., 3] of RGB, whose red serves as a guess; needed without materials. material: numbers of the
         sensor's materials; their ir_albedo overrides the albedo image. right: {name: the same image of the right
         camera}; None = warped from the left camera's images, and parts that these do not show are extrapolated.
-        projector: depth of a camera like the left one in the projector's place, for its shadows; None = warped.
+        projector: depth from a camera with the left one's k at the projector's pose, for its shadows; None = warped.
         ambient: the room's radiance, W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure:
         factors on the configured values, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause'
-        takes time on the host; 'cause' and 'valid' never stay on CUDA.
+        takes time on the host; with on_cuda there is neither 'cause' nor 'valid'.
 
         Raises ValueError with the environment and the invalid value, also for depth on the host that can only be in
         millimetres; no frame is taken then. Raises RuntimeError while torch captures a CUDA graph.
