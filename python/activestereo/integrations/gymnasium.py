@@ -35,13 +35,13 @@ class StereoDepth(gymnasium.ObservationWrapper):
     """Replaces the depth in a Dict observation by simulated stereo depth, float32 metres, 0 = no measurement.
 
     depth, color: the keys of planar depth [H, W] or [H, W, 1] and of the colour image, whose red channel is used as the
-    infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as
-    MuJoCo has it. camera: a preset or a configuration. metres: converts the environment's depth to upright metres.
-    back: turns an upright image to the environment's orientation. rendered(env): returns upright planar depth [H, W] in
-    metres, for an environment whose observation has none; its size is the colour image's. coded: converts metres [H, W]
-    to the policy's input, float or bytes. supersampling: factor of the images' rows and columns over the sensor's,
-    whose depth is repeated to the images' size; edges and gloss are then nearer to path-traced ones. The seed of
-    reset() also seeds the noise. Raises ValueError if a key is missing.
+    infrared albedo; without color all surfaces have albedo_of_all. fovy_deg: the camera's vertical field of view, as in
+    MuJoCo. camera: a preset or a configuration. metres: converts the environment's depth to upright metres. back: turns
+    an upright image to the environment's orientation. rendered(env): returns upright planar depth [H, W] in metres, for
+    an environment whose observation has none; its size is the colour image's. coded: converts metres [H, W] to the
+    policy's input, float or bytes. supersampling: factor of the images' rows and columns over the sensor's, whose depth
+    is repeated to the images' size; edges and gloss are then nearer to path-traced ones. The seed of reset() also seeds
+    the noise. Raises ValueError if a key is missing.
     """
 
     def __init__(

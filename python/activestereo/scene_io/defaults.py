@@ -30,10 +30,10 @@ _LEAST_CLOSED = 0.6  # least share of the pixels around a place that show a surf
 
 
 def overall_view(scene: kuafu.Scene, least_m: float = 0.0) -> tuple[NDArray[np.float64], str]:
-    """Returns camera_to_world [4, 4] of a camera for a scene, and a text that describes its position. It looks forwards
-    and down. In a closed room it stands at the place with most space around. Otherwise it is as near as it can and
-    still sees the whole scene. If the middle of the view is farther than MIDDLE_M, it moves ahead to that distance. In
-    an open scene it does so only up to a size of 50 m.
+    """Returns camera_to_world [4, 4] of a camera for a scene, and a text that describes its view. The camera looks
+    forwards and down. In a closed room it is at room_place(). Otherwise it is as near as possible with the whole scene
+    in view. If the middle of the view is farther than MIDDLE_M, the camera moves ahead to that distance; in an open
+    scene only if the scene's size is 2 mm to 50 m.
 
     least_m: the shortest distance that the camera measures."""
     low, high = np.array(scene.summary.bounds_min_m), np.array(scene.summary.bounds_max_m)
@@ -58,7 +58,7 @@ def overall_view(scene: kuafu.Scene, least_m: float = 0.0) -> tuple[NDArray[np.f
 
 def light_closed_room(scene: kuafu.Scene) -> None:
     """Adds a lamp to a closed room without lamps, because light from the surroundings does not come in. The lamp hangs
-    at 0.9 of the room's height and gives the floor below it ROOM_LUX. Other scenes stay as they are."""
+    at 0.9 of the room's height. The floor below it gets ROOM_LUX. Does nothing in other scenes."""
     import kuafu
 
     place = None if has_lamps(scene) else room_place(scene)

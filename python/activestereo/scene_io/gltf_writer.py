@@ -63,8 +63,8 @@ class GltfWriter:
         self.place(name, self.add_shape(name, mesh, material), local_to_world)
 
     def add_shape(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
-        """Adds a mesh that place() shows once or often, and returns its index. colors: linear RGBA of the vertices,
-        float32 [n, 4]."""
+        """Adds a mesh without a node and returns its index, from which place() makes nodes. colors: linear RGBA of the
+        vertices, float32 [n, 4]."""
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),

@@ -91,7 +91,7 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """Returns the `count` records that get(number) finds, and skips numbers whose record was removed, such as a model's
+    """Returns the first `count` records of get(number). Skips numbers whose record was removed, such as a model's
     lights."""
     out: list[_Record] = []
     number = 0
@@ -105,8 +105,8 @@ def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
-    """Returns the light's infrared irradiance at `point`, W/m^2, on an unshadowed surface that faces it. The camera's
-    ir_ambient_scale is not applied."""
+    """Returns a light's infrared irradiance, W/m^2, at `point` on a surface facing it, before the camera's
+    ir_ambient_scale."""
     pose = np.asarray(light.light_to_world)
     level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
     if light.kind == "directional":

@@ -90,8 +90,7 @@ def foreign_maps(
 
 class OpenCVMatcher:
     """Matches with OpenCV's semi-global matcher (SGBM) over eight paths. Disparity range, uniqueness and left-right
-    check are simsense's parameters; others are those that OpenCV's documentation suggests. Raises ImportError if cv2 is
-    missing."""
+    check are simsense's parameters, others OpenCV's suggestions. Raises ImportError if cv2 is missing."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         import cv2

@@ -36,8 +36,8 @@ class ModelCostWarning(UserWarning):
 
 class ImageEffects:
     """Applies to a StereoDepthSensor's images those effects that neither renderer nor depth engine computes. effects:
-    pairs (Effect, {parameter: value}). make_light: whether on_light() renders the infrared pair itself, in place of the
-    engine."""
+    pairs (Effect, {parameter: value}). make_light: whether on_light() computes the infrared pair, so that SensorEngine
+    need not render it."""
 
     def __init__(self, sensor: Any, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the images of sensors' pictures. The infrared pair goes from kuafu to simsense in shared memory, uncopied.
+"""Holds the images of sensors' pictures. kuafu passes the infrared pair to simsense in shared memory, without a copy.
 
 kuafu exports the buffer once: as an opaque file descriptor if both devices can (GPUs, lavapipe), else as a host
-pointer. simsense imports it. A GPU with its own memory keeps the pair there and copies it for the host on request;
+pointer. simsense imports it. A discrete GPU keeps the pair in its own memory and copies it for the host on request;
 host-visible memory would move every pixel over the bus twice."""
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def checked_radiance(
     shape: tuple[int, ...],
 ) -> tuple[Pair, dict[str, NDArray[np.float32]]]:  # fmt: skip
     """Returns ((left, right), keyword arguments of simsense.Engine.compute for the laser's part), float32 arrays of
-    this shape. Raises ValueError, with the image, the place and the value, for negative or non-finite radiance."""
+    this shape. Raises ValueError, with the image, the pixel and the value, for negative or non-finite radiance."""
     if (left_laser is None) != (right_laser is None):
         raise ValueError("left_laser and right_laser come together, or not at all: then all light has speckle")
     pair = _checked("left", left, shape), _checked("right", right, shape)

@@ -223,7 +223,7 @@ class RigInputs:
         return [side.signal for side in self.inputs().sides]
 
     def ir_cameras(self, rigs: NDArray[np.float64]) -> list[kuafu.Camera]:
-        """Returns all left cameras, then all right ones, at their true places; a model may move them off the
+        """Returns all left cameras, then all right ones, at their true poses, which a model may move off the
         calibration. rigs: the RGB cameras' poses, [sensors, 4, 4], body axes."""
         self.inputs()
         left, right = (rigs @ side for side in self._cameras_on_rig)

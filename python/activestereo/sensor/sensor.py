@@ -164,10 +164,10 @@ class StereoDepthSensor(SensorResults):
         self._place.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """Sets the velocity of the whole sensor, projector included, while its shutters are open; zeros = it stands
-        still. linear, angular: m/s and rad/s in the left infrared camera's own frame (x right, y down, z forward). The
-        pose during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. The velocity does not
-        move the sensor between pictures: set_local_pose() sets the pose in the middle of the exposure."""
+        """Sets the velocity of the whole sensor, projector included, while its shutters are open; zeros = no motion.
+        linear, angular: m/s and rad/s in the left infrared camera's own frame (x right, y down, z forward). The pose
+        during an exposure is pose exp(t [linear, angular]), as camera_velocity of captures. The velocity does not move
+        the sensor between pictures: set_local_pose() sets the pose in the middle of the exposure."""
         self._engine.rig.set_twist(checked_twist(linear, angular))
 
     def set_conditions(self, temperature_c: float | None = None, time_s: float = 0.0) -> None:
@@ -202,14 +202,15 @@ class StereoDepthSensor(SensorResults):
         return self._engine.rig.rgb_cameras(self._rigs())[0]
 
     def ir_cameras(self) -> list[kuafu.Camera]:
-        """Returns the left and the right camera at their true places; a model may move them off the calibration."""
+        """Returns the left and the right camera at their true poses, which a model may move off the calibration."""
         return self._engine.rig.ir_cameras(self._rigs())
 
     # ---- parameters ----
 
     def change(self, **changes: Any) -> None:
-        """Changes those fields of the configuration that the matcher and the noise depend on. ir_speckle_noise and
-        ir_thermal_noise take the place of ir_signal. An invalid value raises ValueError; nothing has changed then."""
+        """Changes those fields of the configuration that the matcher and the noise depend on. Setting ir_speckle_noise
+        removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError; nothing has changed
+        then."""
         config = self.get_config()
         if "ir_speckle_noise" in changes:
             config.ir_signal = None

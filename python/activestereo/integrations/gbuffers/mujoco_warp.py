@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders GBufferStereo's input images with MuJoCo Warp: depth and geom numbers of all worlds, on MuJoCo Warp's
-device."""
+"""Renders GBufferStereo's input images with MuJoCo Warp: depth and geom numbers of all worlds, on its device."""
 
 from __future__ import annotations
 

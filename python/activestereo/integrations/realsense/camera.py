@@ -48,8 +48,8 @@ LATENCY_MS: dict[stream, float] = {stream.depth: 9.0, stream.infrared: 9.0, stre
 @dataclass
 class World:
     """Describes the world that a simulated camera sees, and how its frames are delivered. scene: a scene file, or None
-    for the example's table top. pose: the RGB camera's pose in the scene, body axes; None: that of the scene's first
-    camera. before_frame: called with the sensor and the time in seconds before each picture, to move objects.
+    for the example's table top. pose: the RGB camera's pose in the scene, body axes; None: the pose of the scene's
+    first camera. before_frame: called with the sensor and the time in seconds before each picture, to move objects.
     jitter_ms: standard deviation of the latency. drop_share: share of each stream's frames that are lost. seed: repeats
     both. frames: after so many frames none arrives, and waiting fails as with an unplugged camera; None: no end."""
 
@@ -146,7 +146,7 @@ class SimulatedCamera:
         return self._config
 
     def profile(self, request: StreamRequest) -> video_stream_profile:
-        """Returns the stream profile for a request; a request without a size takes the present size."""
+        """Returns the stream profile for a request; a request without a size gets the present size."""
         name, size = ("rgb", self.color_size) if request.stream == stream.color else ("ir", self.depth_size)
         size = (request.width, request.height) if request.width and request.height else size
         c, left_to_stream = _cut(self.base, name, size), np.eye(4)

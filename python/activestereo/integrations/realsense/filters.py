@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """pyrealsense2's processing blocks: filters of depth (librealsense's doc/post-processing-filters), align, point clouds
-and colours. Each takes a depth frame, or a frameset, of which it processes the depth frame."""
+and colours. Each processes a depth frame, or the depth frame of a frameset."""
 
 from __future__ import annotations
 

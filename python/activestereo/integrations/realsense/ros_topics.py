@@ -47,9 +47,9 @@ Published = tuple[str, str, Any, int, int, bool]  # topic, kind, message, nanose
 
 
 def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]) -> Iterator[Published]:
-    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make:
-    makes a message from its kind, such as sensor_msgs/msg/Image, and its fields, arrays as NumPy arrays. Raises
-    ValueError for a format without an encoding."""
+    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make(kind,
+    **fields) makes a message, such as of kind sensor_msgs/msg/Image, with arrays as NumPy arrays. Raises ValueError for
+    a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:

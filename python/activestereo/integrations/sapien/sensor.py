@@ -316,7 +316,7 @@ class StereoDepthSensor:
             setattr(self._config, name, value)
 
     def native(self) -> activestereo.StereoDepthSensor:
-        """Returns activestereo's sensor behind this one, which gives more: true depth, ids, the noisy infrared pair.
+        """Returns activestereo's sensor behind this one, for further results: true depth, ids, the noisy infrared pair.
         Raises RuntimeError before the first picture."""
         if self._sensor is None:
             raise RuntimeError("no picture yet: call take_picture() first")

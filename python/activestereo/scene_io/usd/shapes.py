@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens a stage with usd-core, and converts its meshes to triangles, one Mesh for each set of faces with a material of
-its own. Concave polygons are cut ear by ear (Meisters, Polygons have ears, 1975)."""
+"""Opens a stage with usd-core, and converts its meshes to triangles, one Mesh for each set of faces with one material.
+Concave polygons are cut ear by ear (Meisters, Polygons have ears, 1975)."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ _MOST_CORNERS = 2000  # cutting ears takes quadratic time; polygons with more co
 
 
 def _ears(places: Points) -> NDArray[np.int64]:
-    """Cuts a polygon [n, 3] into triangles [n - 2, 3] of corner numbers, in the polygon's own direction."""
+    """Cuts a polygon [n, 3] into triangles [n - 2, 3] of corner numbers, with the polygon's winding."""
     normal = np.cross(places - places[0], np.roll(places, -1, axis=0) - places[0]).sum(axis=0)
     axis = int(np.abs(normal).argmax())
     flat = places[:, [(axis + 1) % 3, (axis + 2) % 3]]
@@ -151,8 +151,8 @@ class Polygons:
 
 
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
-    """Cuts concave faces into triangles ear by ear, in place of fans from their first corner. Other faces keep their
-    fans. points: [n, 3], the mesh's."""
+    """Replaces the triangle fans of concave faces by ear clipping. Other faces keep their fans. points: [n, 3], the
+    mesh's."""
     count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
     first, corners, places = np.cumsum(count) - count, cut.corners.copy(), points[cut.vertices]
     # 1. Faces with a corner that turns against the face's normal are concave.

@@ -22,8 +22,8 @@ _ASIDE_M, _TURNED_RAD = 5e-3, 0.02
 
 
 def require_row(here: PoseLike, there: PoseLike, what: str) -> None:
-    """Raises ValueError if the view `there` is turned from, or stands above, below, before or behind, the camera
-    `here`: then rows do not align. what: its name in the message."""
+    """Raises ValueError if the rows of the views `here` and `there` do not align: `there` is rotated against `here`, or
+    is above, below, before or behind it. what: its name in the message."""
     place = np.linalg.inv(camera_to_camera(here, there))
     turned = float(np.arccos(np.clip((np.trace(place[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     x, y, z = place[:3, 3].tolist()
@@ -62,8 +62,8 @@ def warped(inverse_depth: NDArray[np.float64], focal_px: float, baseline_m: floa
     have one focal length; the second principal point lies shift_px further right. inverse_depth: the first camera's,
     [E, height, width], 1/m, 0 = infinitely far.
 
-    If two pixels land on one and the shift is to the left, the nearer one comes later in its row. Writing in row order
-    therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
+    If two pixels map to one target pixel and the shift is to the left, the nearer one comes later in its row. Writing
+    in row order therefore keeps the nearer one (McMillan 1997, occlusion-compatible order)."""
     count, height, width = inverse_depth.shape
     is_mirrored = baseline_m < 0
     near = inverse_depth[..., ::-1] if is_mirrored else inverse_depth
@@ -120,8 +120,8 @@ def in_front(
 
 
 def _filled(inverse: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Returns for each pixel the column to copy from: its own if seen; in a hole, the farther of the nearest seen
-    pixels to the left and right."""
+    """Returns for each pixel the column to copy from: its own if `seen`; in a hole, the column of the nearest `seen`
+    pixel to the left or right, whichever is farther away in depth."""
     width = inverse.shape[-1]
     u = np.broadcast_to(np.arange(width), inverse.shape)
     before = np.maximum.accumulate(np.where(seen, u, -1), axis=-1)

@@ -291,7 +291,7 @@ class GBufferStereo:
         uint8, or [..., 3] of RGB, whose red serves as a guess; needed without materials. material: numbers of the
         sensor's materials; their ir_albedo overrides the albedo image. right: {name: the same image of the right
         camera}; None = warped from the left camera's images, and parts that these do not show are extrapolated.
-        projector: depth from a camera with the left one's k at the projector's pose, for its shadows; None = warped.
+        projector: depth from a camera like the left one at the projector's position, for its shadows; None = warped.
         ambient: the room's radiance, W/(sr m^2), a number or [E], None = ir_ambient_radiance. laser_power, exposure:
         factors on the configured values, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause'
         takes time on the host; with on_cuda there is neither 'cause' nor 'valid'.
