@@ -72,7 +72,7 @@ def frames_chart(scores: Mapping[str, Any]) -> Figure:
 
 def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[str, float]) -> Figure:
     """Plots the temporal variance of repeated frames against their mean signal, with the fitted noise model. points:
-    [{gain, mean_dn, variance_dn2}]."""
+    [{gain, mean_dn, variance_dn2}]. noise: the model's terms {offset, shot, relative, black_dn}."""
     figure = Figure(figsize=(5.4, 3.1), layout="constrained")
     axes = _axes(figure, 1, 1, 1, x="mean signal, DN", y="temporal variance, DN²", title="Photon transfer")
     gains = sorted({p["gain"] for p in points})
@@ -90,8 +90,8 @@ def photon_transfer_chart(points: Sequence[Mapping[str, float]], noise: Mapping[
 
 
 def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
-    """Plots RMSE and mean residual in bins of each covariate, such as depth or radius, with 95 % intervals and the
-    noise floor. Each table gets a panel. unit: the residual's."""
+    """Plots RMSE and mean residual in bins of covariates, such as depth or radius, with 95 % intervals and the noise
+    floor. tables: entries of compare.json's "where", a panel for each. unit: the residual's."""
     columns = min(len(tables), _COLUMNS)
     rows = -(-len(tables) // columns)
     height_in = 2.35 * rows + _LEGEND_IN

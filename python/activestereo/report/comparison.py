@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the report's sections on a comparison: its error, noise floor, and the places of the error in the images."""
+"""Writes the report's HTML sections on a comparison: depth, error, noise floor, and where the model fails."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def cards(scores: dict[str, Any]) -> str:
 
 
 def comparison_sections(comparison: Comparison) -> list[str]:
-    """Returns the HTML of all sections in reading order."""
+    """Returns the HTML of the sections on depth, on error and noise floor, and on where the model fails."""
     scores = comparison.scores
     parts = []
     if scores["depth"]:

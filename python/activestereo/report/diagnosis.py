@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells a diagnosis in a terminal and in the report: the verdict in ten lines, the table of --verbose, sentences on the
-parts of the depth error (diagnose/depth_split.py), and the report's sections."""
+"""Formats a diagnosis as text for the terminal and as HTML sections for the report. The text is the final screen, the
+tables of --verbose, and sentences on the parts of the depth error (diagnose/depth_split.py)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import isclose
@@ -37,8 +37,9 @@ Split = Mapping[str, Any]
 
 
 def split_sentences(split: Split | None) -> list[str]:
-    """Returns sentences on the device's depth error under model.json: its size, its parts in whole percents that sum to
-    100, and its growth with distance."""
+    """Returns sentences on the device's depth error, with model.json applied: its size, the causes of its square in
+    whole percents that sum to 100, and its size at each distance. split: diagnose.json's depth_split; None gives no
+    sentences."""
     if not split:
         return []
     whole = split["after"]
@@ -69,7 +70,7 @@ NATS_WORDS = "nats: the logarithm of how much likelier the effect makes the imag
 EXPLAINS_WORDS = "explains: share of the squared error beyond noise (noise effects: of the noise, no error)"
 FLOOR_WORDS = "floor: the part of an interval that formulas and scenes, which are inexact, have put under it"
 _SHOWN, ROWS = 8, 12  # the ranked effects that the terminal and the report show
-_ALL = 0.95  # of an interval, which two digits do not tell from all
+_ALL = 0.95  # a floor above this share of an interval is printed as all of it
 _LEAST_NATS = 0.05  # the least gain that prints as more than 0.0
 
 
@@ -92,8 +93,8 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
 
 
 def _told_rows(result: Mapping[str, Any], most: int) -> list[tuple[int, Mapping[str, Any]]]:
-    """Returns (place, row of the ranking) of the user's own effects, and of the first ones with a gain that prints as
-    more than 0.0 nats."""
+    """Returns (rank from 1, entry of the ranking) for the user's own effects. It also returns the entries among the
+    first `most` whose gain prints as more than 0.0 nats."""
     own, ranking = result.get("own", {}), enumerate(result["ranking"], 1)
     is_told = lambda place, row: row["effect"] in own or (place <= most and row["score_nats"] >= _LEAST_NATS)  # noqa: E731
     return [(place, row) for place, row in ranking if is_told(place, row)]
@@ -162,15 +163,16 @@ def _table(result: Mapping[str, Any]) -> list[str]:
 
 
 def _values(entry: Mapping[str, Any]) -> str:
-    """Returns the parameters as text. One that lies at 0, where its interval starts, does nothing and is left out."""
+    """Returns an effect's parameters as text. Parameters are left out that are 0 with an interval from 0, because they
+    do nothing; if all are such, all are kept."""
     found = entry["parameters"]
     told = {name: own for name, own in found.items() if (own.get("value"), own.get("low")) != (0.0, 0.0)}
     return ", ".join(parameter_text(name, own) for name, own in (told or found).items())
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
-    """Returns lines on the depth engine: the verdict, added effects, and differences that are no fault of the
-    sensor."""
+    """Returns lines on the depth engine: the verdict, the added effects, and differences from our matcher that are no
+    fault of the sensor."""
     if not depth:
         return []
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]

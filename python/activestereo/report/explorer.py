@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the report's explorer: markup, and images of frames and cameras under every model as data for
-web/explorer.js."""
+"""Writes the report's explorer as HTML. Its data for web/explorer.js are the images of each frame and camera, as
+measured and as each model expects them."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def explorer_section(comparison: Comparison, images: ModelImages, told: ToldErro
 
 
 def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors) -> dict[str, Any]:
-    """Returns {views, start, models, maps} for web/explorer.js. Views are in the order of frames, then left, right,
-    depth. Arguments are as in explorer_section()."""
+    """Returns {views, start, models, rows, maps} for web/explorer.js. Views are in the order of frames, then left,
+    right, depth. start: the frame shown first. rows: ids of frames with images of ranked effects."""
     frames = _chosen_frames(comparison, _LARGEST_PIXELS)
     with_rows = [frame for frame in _chosen_frames(comparison, _LARGEST_PIXELS_OF_ROWS) if frame in frames]
     large = {name: own for name, own in images.items() if name in (BASE, FOUND)}
@@ -81,8 +81,8 @@ def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors)
 
 
 def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
-    """Returns the frames whose images the page holds, in the capture's order. If all have more than most_pixels, it
-    takes the worst of each split in turn."""
+    """Returns the frames whose images the page holds, in the capture's order. If the images of all frames have more
+    than most_pixels, it takes the worst frames of each split in turn, two at least."""
     frames = {frame.id: frame for frame in comparison.capture.frames}
     rig = comparison.capture.rig
     fit = max(2, most_pixels // sum(rig.camera(side).width * rig.camera(side).height for side in SIDES))
@@ -99,8 +99,8 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 def _infrared_view(
     comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages, told: ToldErrors
 ) -> dict[str, Any]:
-    """Returns one infrared image's data for web/explorer.js: encoded images, scales and RMSE. images: those of all
-    models, for RMSE; held: those of the models that the page shows."""
+    """Returns one infrared image's data for web/explorer.js: encoded images, scales and RMSE. images: all models'
+    images, for the RMSE. held: the images of the models that the page shows."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the report's first screen: the verdict, pictures measured and modelled, the falling error, and the next step.
-It fits a window of 1280 x 720 pixels."""
+"""Writes the report's first screen as HTML: the verdict, measured and modelled pictures, the error against the number
+of added effects, and what to do next. It fits a window of 1280 x 720 pixels."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def first_screen(
     """Returns the first screen of a diagnosis as HTML. diagnosis: diagnose.json's contents.
 
     images: expected DN of the models BASE and, if an effect was found, FOUND. steps: commands to paste. told: each
-    model's RMSE from told_errors(). unseen: as in Diagnosis. Without a comparison and images, or a view, it has no
-    pictures.
+    model's RMSE from told_errors(). unseen: views of a measured room, as in Diagnosis, for its pictures. The screen has
+    no pictures if there are neither `unseen` nor both comparison and images.
     """
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
     cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})
@@ -111,8 +111,8 @@ class Detail:
 
 
 def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> list[str]:
-    """Returns HTML with pictures: the Detail as measured and as each model expects it, then measured minus expected for
-    the whole image of each model."""
+    """Returns HTML with pictures of one infrared image. First comes the Detail, as measured and as each model expects
+    it; then, for each model, measured minus expected of the whole image."""
     detail = where_most_goes(comparison, images)
     key, part = (detail.frame.id, detail.side), (detail.rows, detail.columns)
     measured = comparison.measured[key]
@@ -137,8 +137,8 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
 
 
 def _view_pictures(before: Unseen, after: Unseen) -> list[str]:
-    """Returns HTML with pictures of a measured room's view, as _pictures() has them, and a chart of the error towards
-    the corners if a falloff was found."""
+    """Returns HTML with pictures of one view of a measured room, in the order of _pictures(). If an effect was found, a
+    chart shows the error towards the corners. before, after: the view as predicted without and with what was found."""
     views = {BASE: before} | ({FOUND: after} if after is not before else {})
     measured, residuals = before.measured, {name: view.measured - view.expected for name, view in views.items()}
     high, limit = max(float(np.quantile(measured, 0.998)), 1.0), residual_limit(residuals[BASE], None)
@@ -157,7 +157,7 @@ def _view_pictures(before: Unseen, after: Unseen) -> list[str]:
 
 def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
     """Returns the window in which the found effects reduce the squared error most, or the one with the largest error if
-    none was found. It uses held-out frames if there are any."""
+    none was found. It searches the held-out frames, or the train frames if there are none."""
     frames = comparison.capture.split("test") or comparison.capture.split("train")
     best, found = -np.inf, None
     for frame in frames:

@@ -20,7 +20,7 @@ def escape_dollars(name: str) -> str:
 
 
 def save_figure(figure: Figure, file: Any, **options: Any) -> None:
-    """Saves the figure; letters that the font lacks become boxes without a warning. options: as of Figure.savefig()."""
+    """Saves the figure; letters that the font lacks become boxes without a warning. options: for Figure.savefig()."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")
         figure.savefig(file, **options)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the images that a report compares, which the base model, the model with found effects and each ranked effect
-expect, picks the frame that it shows first, and computes residuals and their colour scale."""
+"""Computes the images that models expect: the base model, the model with found effects, and each ranked effect alone.
+Also picks the frame that the report shows first, and computes residuals and their colour scale."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 BASE, FOUND = "base", "found"
 ModelImages = dict[str, dict[tuple[int, str], np.ndarray]]  # {name: {(frame id, side): expected DN}}
-ToldErrors = Mapping[str, Mapping[tuple[int, str], float]]
+ToldErrors = Mapping[str, Mapping[tuple[int, str], float]]  # {BASE or FOUND: {(frame id, side): RMSE in DN}}
 # The colour scale keeps white noise pale, and spans all but a few pixels of the residual.
 _NOISE_FLOORS, _SPANNED = 4.0, 0.995
 
@@ -40,13 +40,13 @@ def model_images(
     are BASE, FOUND and the ids of ranked effects.
 
     BASE is the model without effects. FOUND is the comparison's model if it has effects, else the diagnosis's; it is
-    absent if neither has. A ranked effect stands alone on the base model with its fitted parameters. Effects without an
-    expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. Under each
-    model, projector scale, ambient scale and black level are fitted to the train frames.
+    absent if neither has. A ranked effect is added alone to the base model, with its fitted parameters. Effects without
+    an expected image are absent: random effects, faults of the depth engine, effects that are not in `effects`. For
+    each model, projector scale, ambient scale and black level are fitted to the train frames.
 
     diagnosis: diagnose.json's contents. effects: {id: Effect}, None for the built-in ones. progress: called as
-    progress(fraction done). found_errors: the diagnosis's own images for FOUND; the comparison is then that of its
-    start model, which takes BASE's place."""
+    progress(fraction done). found_errors: has the images that the diagnosis itself computed for FOUND; BASE is then the
+    model that the diagnosis started from, which is the comparison's."""
     effects = library() if effects is None else effects
     start = Model() if found_errors is None else comparison.model
     models = {BASE: start}
@@ -69,8 +69,8 @@ def model_images(
 
 
 def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None) -> ToldErrors:
-    """Returns each model's RMSE as the report's figures state it, {BASE or FOUND: {(frame id, side): DN}}, without the
-    renderer's noise. found_errors: as in model_images()."""
+    """Returns each model's RMSE as the report states it, {BASE or FOUND: {(frame id, side): DN}}. The renderer's noise
+    is subtracted from it. found_errors: as in model_images()."""
     is_found = found_errors is None and bool(comparison.model.effects)
     told = {FOUND if is_found else BASE: comparison.scores["frames"]}
     if found_errors is not None:
@@ -82,8 +82,8 @@ def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None)
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """Computes the images of model_images() for `models`, {name: Model}, in parallel processes. given: {name: images}
-    that are known already."""
+    """Computes the images of model_images() in parallel processes. models: {name: Model}. given: {name: images} that
+    need no computation."""
     capture, measured = comparison.capture, comparison.measured
     images = [
         MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])
@@ -118,8 +118,8 @@ def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, par
 
 
 def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
-    """Returns the entry of scores["frames"] in `split` whose infrared error is furthest above the noise floor, or
-    largest without floors."""
+    """Returns the entry of scores["frames"] in `split` with the largest infrared error beyond the noise floor; if the
+    floor is unknown, with the largest error."""
     entries = [e for e in scores["frames"] if e["split"] == split]
     return max(
         entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0
@@ -129,8 +129,8 @@ def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
 def known_residual(
     capture: Capture, key: ImageKey, measured: Mapping[ImageKey, NDArray], expected: Mapping[ImageKey, NDArray]
 ) -> NDArray[np.float64]:
-    """Returns measured minus expected DN [height][width], NaN at pixels whose scene is unknown; the report's figures
-    leave them out too."""
+    """Returns measured minus expected DN [height][width]. It is NaN at pixels where the scene is unknown, which no
+    figure of the report counts."""
     residual = measured[key].astype(np.float64) - expected[key]
     known = capture.known(next(f for f in capture.frames if f.id == key[0]), key[1])
     return residual if known is None else np.where(known, residual, np.nan)

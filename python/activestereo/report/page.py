@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds a self-contained web page: text is escaped, pictures are data URIs, and scripts are inline. Its content
-security policy forbids the browser to load anything. Images are lossless pictures of integer codes, value = low +
-step * code, which a browser's canvas decodes exactly."""
+"""Builds self-contained web pages: text is escaped, pictures are data URIs, and scripts are inline. The content
+security policy of a page forbids the browser to load anything else. Images are stored as lossless pictures of integer
+codes, which the page decodes exactly: value = low + step * code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LARGEST_CODE = 2**16 - 1
 
 
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
-    """Returns a whole HTML document. body: parts as trusted HTML; scripts: names of files in web/."""
+    """Returns a whole HTML document. body: trusted HTML, which is not escaped. scripts: names of files in web/."""
     code = "".join(f"<script>\n{web_file(name)}</script>\n" for name in scripts)
     parts = {"title": text(title), "style": web_file("page.css"), "body": "\n".join(body), "scripts": code}
     return Template(web_file("page.html")).substitute(parts)
@@ -60,11 +60,12 @@ def chart(figure: Figure, alt: str) -> str:
 
 
 def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = None) -> dict[str, Any]:
-    """Encodes an image [height][width] as {src, low, step, planes, has_empty} for the page's decoder. Values are off by
-    half a step at most. Codes up to 255 take one plane; larger ones two, the high bytes above the low bytes.
+    """Encodes an image [height][width] of numbers as {src, low, step, planes, has_empty} for web/picture.js. Decoded
+    values are off by half a step at most. Codes up to 255 take one plane; larger codes take two, the high bytes above
+    the low bytes.
 
-    step: in the values' unit; it grows if 65535 steps do not span the image. valid: mask of pixels with a value, None
-    for all; other pixels get code 0, and values start at code 1."""
+    step: in the image's unit; it grows if 65535 steps do not span the image. valid: mask of pixels with a value; None:
+    all finite pixels. Pixels without a value get code 0, and values then start at code 1."""
     image = np.asarray(image, dtype=np.float64)
     holds = np.isfinite(image) if valid is None else valid & np.isfinite(image)
     has_empty = not bool(holds.all())

@@ -190,8 +190,8 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
 
 @dataclass(frozen=True)
 class Labelled:
-    """Names a picture: RGB [height][width][3] or grey [height][width] in 0..1, or depth [height][width] in metres, 0 =
-    none. near_far_m: the ends of the depth scale; None for no depth."""
+    """A picture with its title. image: RGB [height][width][3] or grey [height][width] in 0..1, or depth [height][width]
+    in metres, 0 = none. near_far_m: the ends of the depth's colour scale; None for no depth."""
 
     name: str
     image: NDArray
@@ -199,7 +199,7 @@ class Labelled:
 
 
 def labelled_figure(pictures: Sequence[Labelled], columns: int) -> Figure:
-    """Draws the pictures in rows of `columns`. Measured depth is coloured, and black where there is none."""
+    """Draws the pictures with their titles in rows of `columns`. Depth is coloured, and black where it is missing."""
     rows = -(-len(pictures) // columns)
     aspect = pictures[0].image.shape[0] / pictures[0].image.shape[1]
     has_depth = any(picture.near_far_m is not None for picture in pictures)

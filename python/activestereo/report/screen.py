@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formats the end of a command for a terminal, ten lines of 80 columns: a sentence, figures and notes, and commands."""
+"""Formats a command's final output for a terminal: a sentence, figures, notes, and commands, ten lines of 80
+columns."""
 
 from __future__ import annotations
 
@@ -13,14 +14,14 @@ from activestereo.common.own_files import is_outside_allowed
 from activestereo.common.shown import printable
 
 COLUMNS = 80
-_MOST_LINES = 10  # a command that is broken, for it has long paths, counts as one
+_MOST_LINES = 10  # a command that is wrapped, because its paths are long, counts as one
 _LONGEST_BAR = 24
 
 
 @dataclass(frozen=True)
 class Figure:
     """A line of the final screen: a name, a value and a bar. said: the value as text with its unit. size: the bar's
-    length, in one unit for all figures of a screen; None for no bar."""
+    length, relative to the other figures of the screen; None for no bar."""
 
     name: str
     said: str
@@ -29,7 +30,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Step:
-    """A command to paste. words: quoted for a shell; label: the text before it."""
+    """A command for the user to paste into a shell. words: its words, already quoted. label: the text before it."""
 
     words: tuple[str, ...]
     label: str
@@ -64,7 +65,8 @@ def screen(
 
 
 def command(*words: object, label: str = "next") -> Step:
-    """Makes an activestereo command of these words. A word None is dropped with the option before it."""
+    """Makes a Step of an activestereo command. words: unquoted, without "activestereo". A word None is dropped together
+    with the option before it."""
     given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
     for word in words:
         if word is None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws effects as strips: a picture without the effect, with it, and the difference. A figure shows typical values, a
-page has a slider of the effect's strength."""
+"""Draws effects as strips of three pictures: without the effect, with it, and the difference. A figure shows each
+effect at typical parameter values. A page adds a slider of the effect's strength."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 _PANEL_IN = 4.2
 _SHOWN_QUANTILE = 0.998
-# A difference that varies by less than this share of its size is the same everywhere.
+# A difference whose standard deviation is less than this share of its mean size counts as the same everywhere.
 _FLAT = 0.02
 
 
 def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
-    """Draws a row of three pictures for each strip."""
+    """Draws a row of three pictures for each strip: without the effect, with it, and the difference."""
     aspect = strips[0].without.shape[0] / strips[0].without.shape[1]
     figure = Figure(figsize=(3.35 * _PANEL_IN, len(strips) * (_PANEL_IN * aspect + 0.75)), layout="constrained")
     rows = np.atleast_1d(np.asarray(figure.subfigures(len(strips), 1), dtype=object))
@@ -48,18 +48,18 @@ def strip_figure(strips: Sequence[EffectStrip]) -> Figure:
 
 
 def parameter_words(strip: EffectStrip) -> str:
-    """Returns the strip's parameter values with their units as text."""
+    """Returns the strip's parameter values with their units as text. The selection of surfaces is left out."""
     units = {p.name: "" if p.unit == "1" else f" {p.unit}" for p in strip.effect.parameters}
     said = {name: value for name, value in strip.parameters.items() if name != SURFACES.name}
     return ", ".join(f"{name} {value:.4g}{units[name]}" for name, value in said.items())
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """Returns the upper ends of a strip's two scales: brightness of its pictures, in the strip's unit, and size of the
-    change, in shown_change()'s unit.
+    """Returns the upper ends of a strip's two colour scales: that of the pictures, in the strip's unit, and that of the
+    change, in shown_change()'s unit. Each is the 99.8 % quantile, at least 1e-6.
 
-    A depth that appears or vanishes changes by its whole value, so other changes alone set the range, if there are
-    any."""
+    A pixel that gains or loses its depth changes by its whole depth. Such pixels do not count for the change's scale,
+    if the depth of any other pixel changes."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     change = np.abs(shown_change(strip)[0])
     stays = (strip.without > 0) & (strip.with_it > 0)
@@ -68,14 +68,14 @@ def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
 
 
 def is_flat(strip: EffectStrip) -> bool:
-    """Returns whether the effect adds the same value to every pixel."""
+    """Returns whether the effect changes all pixels of an infrared picture by nearly the same DN; false for depth."""
     size = float(np.abs(strip.difference).mean())
     return strip.unit == "DN" and float(strip.difference.std()) < _FLAT * size
 
 
 def shown_change(strip: EffectStrip, as_share: bool | None = None) -> tuple[NDArray[np.float64], str]:
-    """Returns (change [height][width], its unit). The change is the difference, or its percentage of the picture.
-    as_share: use the percentage; None: use it if the difference is the same everywhere."""
+    """Returns (change [height][width], its unit). The change is the strip's difference, or its percentage of the
+    picture without the effect. as_share: whether to return the percentage; None: return it if is_flat()."""
     if is_flat(strip) if as_share is None else as_share:
         return 100.0 * strip.difference / np.maximum(strip.without, 1.0), "% of the picture"
     return strip.difference, strip.unit
@@ -99,8 +99,8 @@ def _panels(row: Figure, strip: EffectStrip) -> None:
 
 
 def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
-    """Returns an HTML page with a section for each effect. effects: its strips by rising strength; the middle one is
-    shown first."""
+    """Returns an HTML page with a section for each effect. effects: for each effect, its strips in order of strength;
+    the middle one is shown first."""
     sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
     return page("What effects do to a picture", sections, ("strip.js",))
 
@@ -144,8 +144,9 @@ def _shaded(share: NDArray[np.float64], colours: str) -> str:
 def found_strips(
     comparison: Comparison, diagnosis: Mapping[str, Any], images: ModelImages, effects: Mapping[str, Effect]
 ) -> list[str]:
-    """Returns HTML sections of strips for found effects and the user's own, with the fitted values in the middle of the
-    slider. images: model_images()."""
+    """Returns HTML sections with strips of the effects that the diagnosis found, and of the user's own effects. The
+    middle of each slider has the fitted values. The strips show the part of the image that where_most_goes() returns.
+    images: from model_images(). effects: {id: Effect}."""
     fitted = {e["effect"]: {n: p["value"] for n, p in e["parameters"].items()} for e in diagnosis["ranking"]}
     fitted |= {e["id"]: e.get("parameters", {}) for e in diagnosis.get("model", {}).get("effects", [])}
     shown = [n for n in dict.fromkeys([*diagnosis["added"], *diagnosis.get("own", {})]) if n in fitted and n in effects]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Describes a comparison in sentences: the error and its places, the families of effects that cause such errors, and
-infrared against depth. Also prints its first figures."""
+"""Describes a comparison in sentences: the error and where it lies, the families of effects that cause such errors, and
+the change of infrared and depth errors. Formats the final screen of `compare`."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def is_near_noise(scores: Mapping[str, Any]) -> bool:
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
-    """Returns sentences, most important first: warnings, the error's kind and place, its change by the model's effects,
-    and families of effects that cause such an error."""
+    """Returns sentences, most important first: warnings, the kind of the infrared error and where it lies, how the
+    model's effects change the errors, and families of effects that cause such an error."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["channels"].get("infrared", {}).get("is_explainable", True):
@@ -106,12 +106,12 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
 
 
 def error_places(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Returns regions of pixels, bounded by one covariate each, that hold much of the infrared error. The best region,
-    with most error for its size, is first.
+    """Returns regions of pixels that hold much of the infrared error, each bounded by one covariate. The first region
+    holds most error for its size. The list is empty if the error is even everywhere.
 
-    A region is {words, covariate, table, mean (DN), share (of the error beyond noise), pixel_share, turns}. turns: the
-    mean error makes that share and has the opposite sign beyond the region. Returns none if the error is even
-    everywhere.
+    A region is {words, covariate, table, mean (DN), share (of the error beyond noise), pixel_share, turns}. If `turns`
+    is true, the mean error has the opposite sign beyond the region, and `share` is the part of the error that the mean
+    makes.
     """
     known = [t for t in tables if t["channel"] == "infrared" and t["is_finding"]]
     told = [t for t in known if t["covariate"] in (*_PLACES, "material") and t["concentration"] >= _LEAST_CONCENTRATION]
@@ -126,7 +126,8 @@ def _gain(place: Mapping[str, Any]) -> float:
 
 def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
     """Returns the region of pixels where the covariate is below the value at which the mean error changes its sign.
-    Returns None if the mean makes too little of the error. table: one covariate's bins."""
+    Returns None if the sign does not change, or the mean makes less than half of the error. table: one covariate's
+    bins."""
     bins, low = table["bins"], _PLACES[table["covariate"]][0]
     sums = [b["pixels"] * b["mean"] for b in bins]
     parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
@@ -138,8 +139,8 @@ def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the region of pixels where the covariate is beyond a value, chosen for most error per number of pixels.
-    table: one covariate's bins."""
+    """Returns the region of pixels where the covariate is below or above a bound. The bound is chosen for the largest
+    share of the error minus share of the pixels. table: one covariate's bins."""
     bins, low, high = table["bins"], *_PLACES[table["covariate"]]
     ends = [(bins[: i + 1], low.format(bins[i]["high"])) for i in range(len(bins) - 1)]
     ends += [(bins[i:], high.format(bins[i]["low"])) for i in range(1, len(bins))]
@@ -166,8 +167,8 @@ def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: st
 
 
 def depth_sentences(scores: Mapping[str, Any]) -> list[str]:
-    """Returns sentences on how the model's effects change the infrared and disparity errors, and on the meaning if
-    infrared alone improves."""
+    """Returns sentences on how the model's effects change the infrared and disparity errors. If infrared alone
+    improves, the last sentence says where to look next. The list is empty for a model without effects."""
     before = scores["without_effects"]
     if before is None:
         return []
@@ -202,8 +203,8 @@ def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept:
 
 
 def _depth_line(depth: dict[str, Any]) -> list[str]:
-    """Returns a line on the disparity between the model's depth and the camera's in the last split, an empty list
-    without depth."""
+    """Returns a line on the median difference of the model's and the camera's disparity in the last split; an empty
+    list without depth."""
     values = next(reversed(depth.values()), None)
     if values is None or values["median_abs_px"] is None:
         return []

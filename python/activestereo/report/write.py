@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a comparison as compare.json and report.html, a self-contained page, also with a diagnosis, and the files of
-a diagnosis: its own page, diagnose.json, model.json and effect_stub.py."""
+"""Writes the files of a comparison: compare.json and report.html, a self-contained page that may include a diagnosis.
+Writes the files of a diagnosis: its own report.html, diagnose.json, model.json and effect_stub.py."""
 
 from __future__ import annotations
 
@@ -111,9 +111,9 @@ def write_diagnosis_report(
 
 
 def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Step]], str]) -> str:
-    """Returns the HTML page of a diagnosis, from the cache if it was made before. kept_as: the diagnosis's key in the
-    cache. make: builds the page with given steps. The commands of `steps` are filled in last, because they name
-    folders."""
+    """Returns the HTML page of a diagnosis, from the cache if it was made before. kept_as: the diagnosis's cache key.
+    make: builds the page with given steps. The cached page has marks in place of the commands, which name folders of
+    this run; they are filled in last."""
     cache, key = LayerCache(), content_key("page", kept_as, [step.label for step in steps])
     marks = [replace(step, words=(f"{key}-{i}",)) for i, step in enumerate(steps)]
     stored = cache.get_arrays(key)

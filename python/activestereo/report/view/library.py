@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lists the page's entries: one file or folder, or all captures, scenes and pictures below a folder, and nothing
-outside. Pairs without calibration become a capture with a preset's cameras and no scene."""
+"""Lists the entries that the page can open: one file or folder, or all captures, scenes and pictures below a folder.
+Infrared pairs without calibration become a capture with a preset's cameras and no scene."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CAPTURE_FILE = "capture.json"
 # The deepest level that is searched, and the most entries that are listed.
 _DEEPEST, _MOST = 3, 500
 SIDES = ("ir_left", "ir_right")
-# A Capture needs a scene path; this one of a capture of pictures is never read.
+# A Capture needs a scene path. A capture of pictures has no scene, and this path is never read.
 _NONE = Path("none")
 
 
@@ -76,8 +76,8 @@ def _entries(root: Path) -> list[Path]:
 
 
 def _below(folder: Path, depth: int) -> Iterator[Path]:
-    """Yields the captures, scenes and picture folders up to `depth` levels below a folder, by name. It follows no links
-    and does not look into captures."""
+    """Yields the captures, scenes and picture folders up to `depth` levels below a folder, in order of their names. It
+    follows no links and does not look into captures."""
     if depth == 0 or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
@@ -95,8 +95,9 @@ def is_pictures(folder: Path) -> bool:
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
-    """Returns a capture of all infrared pairs in a folder, with the cameras that simulate's or generate's file there
-    states. config: the camera of other folders, resized to the images. Raises ValueError without pairs."""
+    """Returns a capture of all infrared pairs in a folder. Its cameras are those that a file of `simulate` or
+    `generate` there states. config: gives the cameras if there is no such file, resized to the images. Raises
+    ValueError without pairs."""
     pairs = _pairs(folder)
     size, bits = image_size(pairs[0][0]), 8 * read_gray(pairs[0][0]).dtype.itemsize
     frames = tuple(

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the page's calls. Each takes a JSON object and returns one binary answer: four bytes with the length of a
-JSON text, that text, then the images' values.
+"""Defines the calls that the page makes. Each takes a JSON object and returns one binary answer: four bytes with the
+length of a JSON text, that text, then the images' values.
 
 The text's "arrays" are {name: [type, height, width, first byte after the text]}. The text ends at a multiple of eight
 bytes.
@@ -69,7 +69,7 @@ class Routes:
         return _answer(source.measured(_whole(given, "frame")))
 
     def sliders(self, given: dict[str, Any]) -> bytes:
-        """Answers with the camera's sliders for one frame, and the effects that the model has."""
+        """Answers with the camera's sliders for one frame, and the parameters of the effects in the sensor's model."""
         _, exposure, _ = self._asked(given)
         camera = positions.camera_sliders(exposure.config)
         return packed({"camera": camera, "effects": positions.present_effects(exposure.model)})
@@ -110,7 +110,8 @@ class Routes:
         return _answer(taken)
 
     def _asked(self, given: dict[str, Any]) -> tuple[Simulation, Exposure, Settings]:
-        """Returns what a call names: an entry's simulation, one of its exposures, and settings, if there are any."""
+        """Returns the simulation, the exposure and the settings that a call names. Raises ValueError without a
+        scene."""
         source = self._library.source(given.get("entry"))
         simulation = source.simulation()
         if simulation is None:
@@ -132,7 +133,8 @@ def _answer(pictures: Pictures) -> bytes:
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Packs one answer. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no value."""
+    """Packs an answer. content: for its JSON. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no
+    value."""
     arrays, parts, size = {}, [], 0
     for name, image in (images or {}).items():
         data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
@@ -145,8 +147,8 @@ def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None
 
 
 def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, str]:
-    """Returns the sensor's model under the settings. Also returns simulate options for settings that a model without
-    rig or fitted projector cannot hold, "" if it holds all."""
+    """Returns (the sensor's model under the settings, a remark). The remark lists `simulate` options for settings that
+    a model without rig or fitted projector cannot hold; it is empty if the model holds all."""
     config, model = settings.applied(deepcopy(exposure.config), exposure.model)
     remarks = []
     if model.rig is not None:

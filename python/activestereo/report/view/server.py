@@ -60,7 +60,7 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Guard:
-    """Checks requests to one server by its port and its secret token, with which all paths begin."""
+    """Checks requests to one server. port: the server's; token: a secret, with which all served paths begin."""
 
     port: int
     token: str

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the page's sliders, their ranges and first positions, and parses and applies what they are moved to:
-exposure, gain, laser power, surfaces, effects. A slider that nobody moved is absent, and its value stays."""
+"""Defines the page's sliders, their ranges and first positions: exposure, gain, laser power, surfaces, effects. Parses
+the page's settings and applies them. A setting whose slider was not moved is absent, and its value stays."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NOISE = (
 BY_HAND = "set by hand in activestereo view"
 # A camera's slider spans this factor below and above its first position.
 _REACH = 16.0
-# An effect's slider reaches so many prior deviations from neutral; its field takes all that is possible.
+# An effect's slider spans so many standard deviations of the prior around neutral; its number field takes all values.
 _DEVIATIONS = 5.0
 
 
@@ -38,8 +38,8 @@ class Settings:
     """The page's settings. exposure_s, gain, laser_power_mw: None for the sensor's own. materials: {name: {one of
     SURFACE_FIELDS: value}}.
 
-    effects: {id: {parameter: value}} of all active effects, None for the model's. surfaces: {effect id: the materials
-    that show it}; an absent effect acts on all.
+    effects: {id: {parameter: value}} of all active effects, None for the model's. surfaces: {effect id: names of the
+    materials that it acts on}; an absent effect acts on all. library: {id: Effect} of the effects that may be active.
     """
 
     exposure_s: float | None = None
@@ -54,7 +54,8 @@ class Settings:
     def applied(
         self, config: StereoDepthSensorConfig, model: SensorModel
     ) -> tuple[StereoDepthSensorConfig, SensorModel]:
-        """Returns (configuration, model) under these settings. The given configuration itself is changed."""
+        """Returns (configuration, model) under these settings. The argument `config` is changed in place. Raises
+        ValueError for a laser power outside of the laser's limits."""
         if self.exposure_s is not None or self.gain is not None:
             config.ir_exposure_mode = "fixed"
         if self.exposure_s is not None:
@@ -97,8 +98,8 @@ class Settings:
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
-    """Parses the settings in a call's JSON object. Raises ValueError with the fault. library: {id: Effect} that may be
-    named."""
+    """Parses the settings in a call's JSON object. library: {id: Effect} and material_names: what the settings may
+    name. Raises ValueError with the fault."""
     given = _object(given, "settings")
     for key in given:
         if key not in _KEYS:
@@ -152,8 +153,8 @@ def _slider(
     name: str, label: str, unit: str, value: float, low: float, high: float, least: float, most: float,
     is_log: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Describes a slider of one number for the page. least, most: limits of typed numbers; low, high: the slider's
-    ends; is_log: equal steps are equal ratios."""
+    """Describes a slider of one number for the page. low, high: the slider's ends. least, most: limits of a number that
+    is typed beside it. is_log: equal steps of the slider are equal ratios."""
     return {
         "name": name, "label": label, "unit": "" if unit == "1" else unit, "value": value, "low": low, "high": high,
         "least": least, "most": most, "is_log": is_log,
@@ -173,7 +174,7 @@ def camera_sliders(config: StereoDepthSensorConfig) -> list[dict[str, Any]]:
 
 
 def surface_sliders(values: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Returns a slider for each property of a surface, from 0 to 1. values: {one of SURFACE_FIELDS: its value}."""
+    """Returns a slider for each property of a surface, over its range. values: {one of SURFACE_FIELDS: its value}."""
     out = []
     for name in SURFACE_FIELDS:
         unit, low, high = MATERIAL_FIELDS[name]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders an exposure of a sensor in a scene again as settings change. The scene stays loaded; making the sensor anew
-takes a fiftieth of a second."""
+"""Renders single exposures of a sensor in a loaded scene, under settings that change. The scene stays loaded; the
+sensor is made anew for each picture, which takes a fiftieth of a second."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ _REFINED_SAMPLES = 64
 
 @dataclass(frozen=True)
 class Exposure:
-    """The sensor and pose of one exposure, before any setting. config: has the left infrared camera in the colour
-    camera's place; model: known effects of the sensor; camera_to_world: the left camera's pose, 4x4.
+    """The sensor and its pose for one exposure, before the page's settings. config: from drawn_from_left(), with the
+    left infrared camera in the colour camera's place. model: known effects of the sensor. camera_to_world: the left
+    camera's pose, 4x4.
 
-    room_radiance: infrared radiance from all sides; None for the scene's own. twist: the camera's velocity, (6,) m/s
-    and rad/s, as a capture's camera_velocity.
+    room_radiance: infrared radiance from all sides, W/(sr m^2); None for the scene's own. twist: the camera's velocity,
+    (6,) m/s and rad/s, as a frame's camera_velocity.
     """
 
     config: StereoDepthSensorConfig
@@ -53,8 +54,9 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Pictures:
-    """An infrared pair and its disparity. left, right: DN, float32 [height][width]; disparity_px: of the left image,
-    NaN = none; None without depth. Depth in metres is focal_baseline_px_m / disparity."""
+    """An infrared pair and its disparity. left, right: DN, float32 [height][width]. disparity_px: of the left image,
+    NaN = none; None without depth. Depth in metres is focal_baseline_px_m / disparity. render_s: the time that a
+    simulation took."""
 
     left: NDArray[np.float32]
     right: NDArray[np.float32]
@@ -86,8 +88,8 @@ class Simulation:
     def picture(
         self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
     ) -> Pictures:
-        """Renders the exposure under these settings. Raises Superseded if is_wanted() turns false before or during the
-        render."""
+        """Renders the exposure under these settings. is_draft: few samples, so that it takes little time. Raises
+        Superseded if is_wanted() turns false before or during the render."""
         begin = perf_counter()
         with self._one_at_a_time:
             if not is_wanted():
@@ -100,8 +102,8 @@ class Simulation:
                 raise Superseded from error
 
     def surface(self, exposure: Exposure, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
-        """Returns (material name, its SURFACE_FIELDS' values) at pixel u, v of the left image; None without a
-        surface."""
+        """Returns (material name, {field of SURFACE_FIELDS: its value}) at pixel u, v of the left image; None if no
+        surface is there."""
         with self._one_at_a_time, self._sensor(exposure, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
             materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
@@ -136,8 +138,8 @@ class Simulation:
 
 
 def drawn_from_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """Returns the configuration with the left camera in the colour camera's place, and its pattern drawn once for all
-    pictures."""
+    """Returns the configuration with the left infrared camera in the colour camera's place. Its pattern is drawn here,
+    once for all pictures."""
     out, drawn = config.seen_from_left(), pattern_of(config)
     out.light_pattern = None if drawn is None else drawn[0]
     return out

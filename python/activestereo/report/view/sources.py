@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serves a capture to the page: its measured frames, and the sensor that takes them in the capture's scene; or a scene
-file: a preset's sensor at the scene's cameras, compared with the first picture before any slider moved."""
+"""Provides the page's frames. A CaptureSource has a capture's measured frames, and simulates them in the capture's
+scene. A SceneSource simulates a sensor at the cameras of a scene file, and has no measurement."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ from activestereo.scene_io.staging import room_radiance
 # The laser's slider ends at this multiple of the capture's power.
 _STRONGEST_LASER = 3.0
 _SOURCE = "fitted in activestereo view"
-# The number of poses to which the light is fitted; one suffices if its dots stand out.
+# The number of poses to which the light is fitted; a single pose suffices if its dots are bright.
 _MOST_POSES = 3
 _SAMPLES, _BOUNCES = 16, 4
 
 
 class CaptureSource:
-    """A capture as a source of the page's pictures. model: known figures of the sensor; missing light and noise are
-    fitted.
+    """Provides a capture's measured and simulated frames. model: known figures of the sensor; light and noise that it
+    lacks are fitted.
 
     A capture with an empty scene is not simulated.
     """
@@ -148,8 +148,8 @@ class CaptureSource:
 
 
 def _fitted_nuisances(capture: Capture, renderer: CaptureRenderer) -> dict[str, Quantity]:
-    """Fits projector scale, ambient scale and black level to a few frames by least squares, without effects. Returns
-    {name: Quantity}. Raises ValueError if there is nothing to fit."""
+    """Fits projector scale, ambient scale and black level to a few frames by least squares, under a model without
+    effects. Returns {name: Quantity}. Raises ValueError if there is nothing to fit."""
     poses: dict[bytes, Frame] = {}
     for frame in [*capture.split("train"), *capture.frames]:
         if frame.has_infrared:
@@ -162,8 +162,7 @@ def _fitted_nuisances(capture: Capture, renderer: CaptureRenderer) -> dict[str, 
 
 
 class SceneSource:
-    """Simulates the viewer's pictures of a scene file. config: the sensor; model: the sensor's effects, None for
-    none."""
+    """Simulates frames of a scene file. config: the sensor. model: the sensor's effects, None for none."""
 
     def __init__(
         self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
@@ -178,7 +177,7 @@ class SceneSource:
         return [{"id": n, "label": f"camera {n}" if count else "chosen view"} for n in range(max(count, 1))]
 
     def facts(self) -> dict[str, object]:
-        """Returns the left camera's figures as CaptureSource.facts()."""
+        """Returns the left camera's figures, with the keys of CaptureSource.facts()."""
         signal = self._config.ir_signal
         bits = int(signal.get("bit_depth", 8)) if isinstance(signal, dict) else 8
         own = self._left_config
@@ -192,7 +191,7 @@ class SceneSource:
         return Simulation(self._scene())
 
     def exposure(self, frame_id: int) -> Exposure:
-        """Returns the Exposure of the sensor whose colour camera stands at one of the scene's cameras."""
+        """Returns the Exposure of the sensor with its colour camera at the scene's camera number frame_id."""
         scene = self._scene()
         known = [frame["id"] for frame in self.frames()]
         if frame_id not in known:

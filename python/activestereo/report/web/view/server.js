@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Calls to the server, and its answers: numbers and images in one (see packing.py).
+// Calls to the server, and its answers: numbers and images in one (see routes.py).
 
 const TYPES = { float32: Float32Array, uint8: Uint8Array, uint32: Uint32Array };
 const MOST_TRIES = 10; // of a server that is busy with other pages, a second apart
