@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes a small capture of the example scene in matt colours, rendered instead of recorded. Its camera is a D435 with
-a quarter of its resolution, and shot and read noise. On request it has an effect that the lab is asked to find."""
+a quarter of its resolution, and shot and read noise. On request it has an effect for `diagnose` to find."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from activestereo.scene_io.example_scene import write_table_top
 _SCALE = 0.25
 _BASELINE_M, _PROJECTOR_M = 0.05, 0.029
 _EXPOSURE_S, _BLACK_DN = 0.004, 5.0
-_PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # counts of a projector of 1 W/sr, and of a radiance of 1
+_PROJECTOR_DN_PER_S, _ROOM_DN_PER_S = 120000.0, 9000.0  # from a projector of 1 W/sr, and from a radiance of 1
 _NOISE_FLOOR_DN2, _NOISE_SLOPE_DN = 0.3, 0.02  # variance = floor + slope x light, DN
 _BOUNCES = 8  # the default of diagnose and compare
 _REPEATS = 2  # frames of the first view, from which the noise is measured
@@ -41,8 +41,8 @@ def write_example_capture(
     folder: str | Path, device: str | int = "auto", seed: int = 0, progress: Callable[[float], object] | None = None,
     samples_per_pixel: int = 64, hidden: str | None = None,
 ) -> Capture:  # fmt: skip
-    """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: one of
-    HIDDEN, an effect to put into the images by formulas that the lab does not share; None: none."""
+    """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: an effect
+    of HIDDEN to put into the images, by formulas that differ from those of the lab; None for no effect."""
     with TemporaryDirectory() as place:
         capture = _without_images(Path(place))
         renderer = CaptureRenderer(device, samples_per_pixel, _BOUNCES, seed, smooth=False)
@@ -61,7 +61,7 @@ def write_example_capture(
 
 
 def _through_lens(image: NDArray[np.float64], K: NDArray[np.float64], hidden: str | None) -> NDArray[np.float64]:
-    """Returns the image with the hidden effect if that is vignetting or distortion, else unchanged. K: 3x3."""
+    """Returns the image, [height, width], with the hidden vignetting or distortion; unchanged for others. K: 3x3."""
     v, u = np.indices(image.shape, dtype=np.float64)
     x, y = (u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1]
     r2 = x * x + y * y

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits the simpler noise models of other simulators to a simulated sensor in random rooms, writes them as those
-simulators' own files, and measures how far they are from the sensor in rooms that no fit saw."""
+"""Fits other simulators' noise models, which are simpler, to a simulated sensor in random rooms. Writes them as files
+of those simulators, and measures their distance from the sensor in rooms that no fit used."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from activestereo.sensor.sensor import StereoDepthSensor
 # Errors are clipped to this: mismatches of tens of pixels, which no noise model has, would outweigh all others.
 _MOST_PX = 2.0
 _QUANTILES = (np.arange(1000) + 0.5) / 1000.0
-# The fit takes so many of so many rows, enough for noise that reaches few rows.
+# The fit uses _BAND of every _PERIOD rows, which suffices for noise that correlates over few rows.
 _BAND, _PERIOD = 8, 64
 _MOST_EVALUATIONS = 120
 _ROOMS = 6
@@ -38,9 +38,9 @@ Depths = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Views:
-    """Views of rooms in one sensor's left camera. truth_m, found_m: true and measured depth, float32 [rooms, height,
-    width] metres, 0 = no surface, or not measured. gray: float32 of the same shape, 0..1, the surfaces' reflectance.
-    near_m, far_m: the sensor's range of depth."""
+    """Views of rooms by a sensor's left camera. truth_m, found_m: true and measured depth, float32 [rooms, height,
+    width] metres, 0 = no surface, or not measured. gray: the surfaces' reflectance 0..1, float32 of the same shape. k:
+    3x3, pixels. near_m, far_m: the sensor's range of depth."""
 
     truth_m: Depths
     found_m: Depths
@@ -59,8 +59,8 @@ def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
-    """Simulates the sensor in `count` rooms and returns their Views. model: its effects act, except those on named
-    surfaces, which these rooms lack."""
+    """Simulates the sensor in `count` random rooms and returns their Views. model: its effects act, except those on
+    named surfaces, because these rooms lack such surfaces."""
     config = config.seen_from_left()
     config.rgb_distortion = (0.0,) * 5  # depth is registered to a pinhole
     if config.ir_exposure_mode == "converging":
@@ -123,9 +123,9 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
 
 
 class Distance(NamedTuple):
-    """How much the errors of two kinds of depth differ. error_px: 1-Wasserstein distance between the distributions of
-    their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their shares of pixels
-    without depth."""
+    """Measures how much the errors of two depth images differ. error_px: 1-Wasserstein distance between the
+    distributions of their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their
+    shares of pixels without depth."""
 
     error_px: float
     holes: float
@@ -148,8 +148,9 @@ def distance(views: Views, depth_m: Depths) -> Distance:
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """Fits a model's parameters to the sensor's views: the least sum of distance()'s two, so that a pixel without depth
-    weighs as much as an error of 1 px. Range and geometry are the views'."""
+    """Fits a noise model's parameters to the sensor's views and returns the model. The fit minimises distance()'s
+    error_px plus holes, so that a pixel without depth weighs as much as an error of 1 px. Range and geometry are the
+    views'."""
     is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND
     rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
     low, high, first = np.transpose(list(kind.FITTED.values()))
@@ -170,8 +171,8 @@ def fitted(kind: type[Profile], views: Views) -> Profile:
 
 @dataclass(frozen=True)
 class Isaac:
-    """The noise model of Isaac Sim's single-view depth sensor, written as a USD layer; without arguments with its
-    default parameters, as all profiles.
+    """The noise model of Isaac Sim's single-view depth sensor, written as a USD layer. Like all PROFILES it has its
+    default parameters if made without arguments.
 
     The attributes, their meaning and their defaults are from NVIDIA, ovrtx 0.7.0, "Camera single-view stereo depth
     model" (pages "USD Attributes" and "Tune Noise, Quantization and Confidence"), and from the example of
@@ -200,7 +201,7 @@ class Isaac:
 
     @staticmethod
     def known(views: Views) -> dict[str, float]:
-        """Returns the parameters that need no fit."""
+        """Returns the parameters that follow from the sensor's range and geometry, so that they need no fit."""
         most = views.focal_baseline_px_m / views.near_m
         own = {"max_disparity_px": most, "min_distance_m": views.near_m, "max_distance_m": views.far_m}
         return own | {"confidence": 0.0}
@@ -234,7 +235,7 @@ class Isaac:
 
 
 def _clipped(views: Views, noise_m: NDArray[Any], near_m: float, far_m: float) -> Depths:
-    """Returns the true depth with the noise, made positive, where the true depth lies in the range, else 0."""
+    """Returns true depth plus noise, at least 1 mm, where the true depth is within near_m to far_m; 0 elsewhere."""
     is_kept = (views.truth_m >= near_m) & (views.truth_m <= far_m)
     return np.where(is_kept, np.maximum(views.truth_m + noise_m, 1e-3), 0.0).astype(np.float32)
 
@@ -344,10 +345,10 @@ def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
     seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
-    """Fits the named PROFILES to the sensor, writes their files and returns what profiles.json says of each: file,
-    parameters, what the model lacks, distances of the unfitted and the fitted model from the sensor in rooms outside
-    the fit. held_out: number of these rooms. progress: called with the fraction of the views taken, which is nearly all
-    of the time."""
+    """Fits the named PROFILES to the sensor, writes their files and profiles.json, and returns the latter's contents.
+    For each model these are its file, its parameters, what it cannot express, and the Distance from the sensor in rooms
+    outside the fit, with default and with fitted parameters. held_out: number of these rooms; 0: no distances.
+    progress: called with the fraction of rooms that are simulated, first for the fit's rooms, then for the others."""
     views = take_views(config, model, _ROOMS, seed, device, progress)
     others = take_views(config, model, held_out, _HELD_OUT_SEED + seed, device, progress) if held_out else None
     found = {}

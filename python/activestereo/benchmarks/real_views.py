@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads real views (an infrared pair, the device's depth, the scene) and simulates their depth by nine methods.
-Measures depth against the device's and the scene's, and infrared pairs on flat patches."""
+Compares depth with the device's and with the scene's, and measures infrared pairs on flat patches."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class RealView:
-    """A recorded view. left, right: infrared images, DN. device_m, truth_m: depth in the left camera, by the device and
-    by the scene's model, metres; 0 = none. room: the room's light as measured on the surfaces, None if the scene has
-    lights of its own."""
+    """A recorded view. left, right: infrared images, DN. device_m, truth_m: depth in the left camera in metres, 0 =
+    none; the device measured the first, and the second is rendered from the scene. room: the room's light as measured
+    on the surfaces; None if the scene has lights of its own."""
 
     name: str
     capture: Capture
@@ -52,9 +52,9 @@ class RealView:
 
 
 def real_views(capture: Capture, device_depth: Path | None, device: str | int) -> list[RealView]:
-    """Reads the views of a capture that have a pair and depth. device_depth: a folder with the device's 16-bit PNG
-    files in millimetres, in order of the frames, for a capture whose own depth is a better instrument's; None: the
-    capture's own depth. Raises ValueError if the counts differ."""
+    """Reads the views of a capture that have a pair and depth. device_depth: a folder with the device's depth as 16-bit
+    PNG files in millimetres, in order of the frames; give it if the capture's own depth is from a better instrument.
+    None: the capture's depth is the device's. Raises ValueError if the numbers of files and frames differ."""
     frames = [frame for frame in capture.frames if frame.has_infrared]
     files: list[Path] | None = None
     if device_depth is not None:
@@ -102,8 +102,8 @@ class Simulated:
 
 
 def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int) -> Simulated:
-    """Simulates a real view by a method of METHODS. sensor: a preset's name; samples: samples per pixel. 'raster' makes
-    the scene's materials Lambertian for good: take it last."""
+    """Simulates a real view by a method of METHODS. sensor: a preset's name. samples: samples per pixel. The method
+    'raster' makes the scene's materials Lambertian for good, so simulate it last."""
     if method in OF_TRUTH:
         gray, lens = (view.left / view.capture.rig.max_dn)[None], float(view.capture.rig.left.K[0, 0])
         randoms = (np.random.default_rng(seed + number) for number in range(2))
@@ -127,8 +127,8 @@ def simulated(view: RealView, method: str, sensor: str, samples: int, seed: int)
 
 
 def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthSensorConfig:
-    """Returns the preset with the capture's cameras; is_calibrated: also with its projector, pattern, black level and
-    vignetting."""
+    """Returns the preset's configuration with the capture's cameras. is_calibrated: whether to also take over the
+    capture's projector, pattern, black level and vignetting."""
     rig, config = view.capture.rig, StereoDepthSensorConfig(sensor).seen_from_left()
     config.ir_resolution = rig.left.size
     config.ir_intrinsic = np.array(rig.left.K)
@@ -155,9 +155,9 @@ def rig_config(view: RealView, sensor: str, is_calibrated: bool) -> StereoDepthS
 
 
 def fitted_light(view: RealView, taken: StereoDepthSensor) -> tuple[list[Map], list[Map]]:
-    """Renders radiance for both cameras, with levels of laser and room light fitted to the real left image, since a
-    preset knows neither. Returns ([left, right] radiance, [left, right] of the laser's part alone), [height, width]
-    W/(sr m^2)."""
+    """Renders the radiance at both cameras, [height, width] W/(sr m^2). A preset does not know how bright the laser and
+    the room are, so two factors for them are fitted to the real left image. Returns ([left, right] radiance, [left,
+    right] of the laser's part alone)."""
     config = taken.get_config()
     per_radiance = config.ir_camera_exposure * config.ir_camera_gain * config.ir_responsivity_dn
     laser = [
@@ -374,8 +374,8 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
 
 
 def _correlation_px(residual: Map) -> float:
-    """Returns the lag, pixels, along rows and columns at which the autocorrelation of measured depth's residual falls
-    to 1/e."""
+    """Returns the lag in pixels at which the autocorrelation of a residual of disparity falls to 1/e, as a mean over
+    lags along rows and columns."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

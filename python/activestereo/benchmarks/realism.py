@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates all methods on all real views, with intervals from resampled views. Writes JSON and one page."""
+"""Evaluates all methods on all real views, with intervals from resampled views. Writes realism.json and
+realism.html."""
 
 from __future__ import annotations
 
@@ -81,8 +82,8 @@ def board(
 
 
 def _rows(values: Values, seed: int) -> dict[str, dict[str, Figure]]:
-    """Returns {measure: {method: Figure}}: means over views, with 90 % intervals from views drawn with replacement.
-    values: {method: a {measure: value} for each view}."""
+    """Returns {measure: {method: Figure}}: means over views, with 90 % intervals by bootstrap over the views. values:
+    {method: a {measure: value} for each view}."""
     count = len(values[DEVICE])
     chosen = np.random.default_rng(seed).integers(count, size=(_DRAWS, count))
     names = list(dict.fromkeys(name for own in values.values() for view in own for name in view))
@@ -117,8 +118,8 @@ def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Figur
 
 
 def verdicts(found: Board) -> list[str]:
-    """Returns sentences that name the closest method in holes and in noise, and say whether the runner-up's interval
-    overlaps."""
+    """Returns sentences that name the method closest to the device in holes and in noise. They say whether its interval
+    and the runner-up's overlap."""
     if len(found.views) < 2:
         return ["one view has no interval: who is closest is told from two on"]
     lines = []

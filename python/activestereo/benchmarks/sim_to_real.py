@@ -7,7 +7,7 @@ Scores are read from CSV tables with one of two headers:
     criterion,method,world,score              score: share of the views, 0 to 1
 
 Each method needs a score for each world, criterion and view. 95 % intervals come from resampling views, the same ones
-in both worlds (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6); a score stays fixed."""
+in both worlds (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 6). A `score` is not resampled."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Figure:
 
 @dataclass(frozen=True)
 class Agreement:
-    """The agreement of two worlds in their scores of methods. pearson, spearman: correlation over methods; gap: mean
-    absolute difference."""
+    """Measures how well two worlds agree in their scores of methods. pearson, spearman: correlation of the scores over
+    the methods. gap: mean absolute difference of the scores."""
 
     pearson: Figure
     spearman: Figure
@@ -79,8 +79,9 @@ def agreement(
     simulated: NDArray[np.bool_], real: NDArray[np.bool_], seed: int = 0,
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:  # fmt: skip
-    """Computes the Agreement of two worlds from the methods' successes [methods, views]. known: scores, in both worlds,
-    of further methods, which have no views to resample. Raises ValueError if the two differ in methods or views."""
+    """Computes the Agreement of two worlds from the methods' successes [methods, views]. known: (simulated, real)
+    scores of further methods, which have no views to resample. Raises ValueError if the two differ in methods or
+    views."""
     if simulated.shape != real.shape or simulated.ndim != 2:
         raise ValueError(f"successes of both worlds are [methods, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]
@@ -180,9 +181,9 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
 
 
 def closest(found: dict[str, dict[str, Agreement]], real: str) -> tuple[str, str]:
-    """Returns (a sentence on the world whose scores go best with the real ones in the mean over the criteria, its
-    name). found: as agreements() returns it, of one world at least. The sentence names worlds that may do so as well:
-    their intervals reach the best world's value."""
+    """Returns (a sentence, the name of the world whose scores correlate best with the real ones, in the mean over the
+    criteria). found: as agreements() returns it, of one world at least. The sentence also names worlds whose intervals
+    reach the best world's value."""
     worlds = list(next(iter(found.values())))
     figures = {w: [own[w].pearson for own in found.values() if not isnan(own[w].pearson.value)] for w in worlds}
     if not any(figures.values()):

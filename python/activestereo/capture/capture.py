@@ -65,8 +65,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Projector:
-    """A projector: a point source that casts an image. K: 3x3, from directions to the image's pixels. pattern(): the
-    image's relative radiant intensity."""
+    """A projector, modelled as a point source that casts an image. K: 3x3, from directions to the image's pixels.
+    pattern(): the image's relative radiant intensity."""
 
     pattern_path: Path
     K: np.ndarray
@@ -99,8 +99,8 @@ class KnownLight:
 
 @dataclass(frozen=True)
 class Rig:
-    """The nominal calibration, as the user states it. black_dn: (measured black level, its standard deviation); None:
-    fits find it."""
+    """The nominal calibration, as the user states it. black_dn: (measured black level, its standard deviation), DN;
+    None if it is not measured, and fits estimate it."""
 
     left: Camera
     right: Camera
@@ -190,7 +190,7 @@ class Uncertainty:
 class Capture:
     """A recording in the capture format: rig, frames in the file's order, and scene. measured: results of `calibrate
     world` on camera, poses, pattern and light, with covariances (calibrate/README.md). binning: side in pixels of the
-    blocks that images are averaged over (binning.py). whole: the capture before binning, or None."""
+    blocks that images are averaged over, see binned(). whole: the capture before binning; None if it is not binned."""
 
     path: Path
     name: str
@@ -378,7 +378,8 @@ MOST_PIXELS = 848 * 480
 
 
 def usual_samples(capture: Capture) -> int:
-    """Returns the default samples per pixel: 64 for a whole image of usual size; larger images share the same total."""
+    """Returns the default samples per pixel: 64 for images of up to MOST_PIXELS. Larger ones get fewer, for the same
+    sum."""
     return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture.rig))))
 
 
@@ -414,8 +415,8 @@ def binned(capture: Capture, size: int) -> Capture:
 
 
 def unbinned(capture: Capture) -> Capture:
-    """Returns the capture from which binned() made this one, with this one's poses, focal lengths and projector. A
-    capture that is not binned returns unchanged."""
+    """Returns the whole capture from which binned() made this one, with the poses, focal lengths and projector of this
+    one, which may have been fitted since. A capture that is not binned is returned unchanged."""
     if capture.whole is None:
         return capture
     whole, rig = capture.whole, capture.rig

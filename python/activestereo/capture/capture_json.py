@@ -25,8 +25,8 @@ class CaptureError(ValueError):
 
 
 class JsonObject:
-    """One JSON object of a file, with typed reads by key; it remembers which keys were read. name: its path in the
-    file, for messages."""
+    """A JSON object of a file, with reads by key that check the type. It remembers which keys were read. name: the
+    object's path inside the file, for messages."""
 
     def __init__(self, path: Path, name: str, values: dict[str, Any]) -> None:
         self.path, self.name, self._values = path, name, values

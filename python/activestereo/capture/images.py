@@ -61,7 +61,7 @@ def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
 
 
 def read_npy(path: str | Path, key: str, *axes: str) -> np.ndarray:
-    """Reads a .npy array, uint8 or uint16, with axes of these names."""
+    """Reads a .npy array, uint8 or uint16. axes: names of the axes that it must have, such as "height"."""
     try:
         # Mapped, so that a header that promises more than the file holds is an error before memory is taken.
         counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
@@ -96,8 +96,8 @@ def _open(path: str | Path, key: str) -> Image.Image:
 def _pixels(
     path: str | Path, key: str, expected_size: tuple[int, int] | None, modes: tuple[str, ...], expected: str
 ) -> tuple[str, np.ndarray]:
-    """Decodes an image of one of these Pillow modes. Returns (mode, pixels); pixels of colour modes are uint8 [height,
-    width, 3]."""
+    """Decodes an image and returns (Pillow mode, pixels). modes: the allowed Pillow modes; expected: words for them in
+    errors. Pixels of colour modes are uint8 [height, width, 3]."""
     with _open(path, key) as image:
         if image.mode not in modes:
             raise CaptureError(f"{path}: {key}: is a {image.mode} image, expected {expected}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes captures (capture format, version 1), for recorders and for programs that make worlds with a known answer."""
+"""Writes captures (capture format, version 1), for programs that record or simulate them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -54,7 +54,7 @@ def is_done(out: Path, number: int) -> bool:
 
 
 def remove_left_over(out: Path, numbers: Collection[int]) -> None:
-    """Removes temporary files of these frames, which processes left behind that ended before the rename."""
+    """Removes these frames' temporary files. They remain from processes that ended before they renamed them."""
     for folder in (out / SPLIT).glob("*"):
         for name, path in left_over(folder):
             if name.isdigit() and int(name) in numbers:

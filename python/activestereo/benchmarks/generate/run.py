@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a data set with worker processes, each with its own device, or on a Ray cluster, with a worker for each GPU or,
-without GPUs, for each group of processors. Skips frames that exist.
+"""Makes a data set with several worker processes, each with its own device, or on a Ray cluster. Ray gives each GPU a
+worker, or each group of processors if there are no GPUs. Frames that exist already are skipped.
 
 Ray's workers send a frame's files as bytes, and only the calling process writes them. So each frame is written once,
 even if workers are lost, and the machines need not share a folder."""
@@ -26,15 +26,15 @@ from activestereo.common.input_files import read_bytes, read_json
 from activestereo.common.processes import process_pool
 from activestereo.scene_io import usd
 
-_MOST_LOSSES = 3  # workers that end one after another without a frame; with Ray, at the same frame
+_MOST_LOSSES = 3  # workers lost in succession without a frame made; with Ray, workers lost at one frame
 
 
-_studio: Studio | None = None  # a worker's, or a Ray worker's
+_studio: Studio | None = None  # the studio of this worker process or Ray worker
 
 
 def frame_files(settings: Settings, number: int) -> dict[str, bytes]:
-    """Makes a frame in a worker of Ray and returns its files, {path below the data set's folder: content}. Its machine
-    needs activestereo, and the files of the settings at the same paths."""
+    """Makes a frame in one of Ray's workers and returns its files, {path below the data set's folder: content}. The
+    worker's machine needs activestereo, and the files that the settings name at the same paths."""
     global _studio
     if _studio is None:
         import ray
@@ -58,9 +58,9 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
     """Makes the missing frames on a Ray cluster and yields the number of each after it is written. Ray makes a lost
     worker's frame again.
 
-    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: processors of each worker, if the cluster
-    has no GPUs or the settings name a device. Raises ValueError without Ray or if no machine has so many processors,
-    ConnectionError without such a cluster, and ChildProcessError if one frame ends several workers."""
+    address: 'auto', HOST:PORT or ray://HOST:PORT of a running cluster. cpus: processors for each worker, used if the
+    cluster has no GPUs or the settings name a device. Raises ValueError without Ray or if no machine has so many
+    processors, ConnectionError without such a cluster, and ChildProcessError if one frame ends several workers."""
     if not missing:
         return
     ray = ray_package()
@@ -231,8 +231,8 @@ def _write(out: Path, frame: Frame) -> int:
 
 
 def _begin(settings: Settings, begun: Any) -> None:
-    """Prepares a worker process: makes the Studio that takes its frames. begun: counter, shared by all workers, of
-    those that have started; it gives each the next GPU in turn."""
+    """Prepares a worker process: makes its Studio. begun: a counter, shared by all workers, of the workers that have
+    started; it assigns the GPUs to the workers in turn."""
     global _studio
     with begun.get_lock():
         number, begun.value = begun.value, begun.value + 1

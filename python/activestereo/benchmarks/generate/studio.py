@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes the frames of a data set: things on a table, upright side by side or dropped, lamps, and a depth sensor."""
+"""Takes the frames of a data set: objects on a table, upright side by side or dropped, lamps, and a depth sensor."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Thing:
 
 
 class Things:
-    """Adds all things to a scene, far away until place() moves them. unit_m: metres per unit of their files."""
+    """Adds all objects to a scene, far away until place() moves them. unit_m: metres per unit of their files."""
 
     def __init__(self, scene: kuafu.Scene, paths: list[Path], unit_m: float = 1.0) -> None:
         self._scene = scene
@@ -149,7 +149,7 @@ class Things:
             self._scene.set_instance_poses(ids, poses.get(index, _AWAY) @ base)
 
     def is_of(self, index: int, instance_ids: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Returns a mask of the pixels of an instance picture that show the thing number `index`."""
+        """Returns a mask of the pixels of an instance-id picture that show the object number `index`."""
         ids = self._instances[index]
         return (instance_ids >= ids[0]) & (instance_ids <= ids[-1])
 
@@ -162,14 +162,14 @@ _STEP_S, _LONGEST_S, _REST_M_PER_S = 0.002, 4.0, 0.01
 
 
 def chosen(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> list[int]:
-    """Draws which things a frame shows; returns their indices, sorted."""
+    """Draws at random which objects a frame shows; returns their indices, sorted."""
     count = min(max(ranges.count("things", random), 1), len(things))
     return sorted(random.permutation(len(things))[:count].tolist())
 
 
 def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Places things upright, turned at random, without overlap of their footprints' circles. Returns {index: 4x4 to the
-    world}; leaves out things that find no place after many tries."""
+    """Places objects upright, turned at random, without overlap of their footprints' circles. Returns {index: 4x4 from
+    the file's axes to the world}. Objects that fit nowhere after many tries are left out."""
     out: Poses = {}
     spread = ranges.draw("spread_m", random)
     circles: list[tuple[NDArray[np.float64], float]] = []
@@ -199,8 +199,9 @@ def physics() -> tuple[Any, Any]:
 
 
 def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Drops things, turned at random, one above the other, with MuJoCo's physics on their convex hulls. Returns {index:
-    4x4 to the world}; leaves out things that roll away. Raises ImportError without mujoco or trimesh."""
+    """Drops objects from a pile, turned at random, with MuJoCo's physics on their convex hulls. Returns {index: 4x4
+    from the file's axes to the world} once they rest. Objects that roll away are left out. Raises ImportError without
+    mujoco or trimesh."""
     mujoco, trimesh = physics()
     spread, order = ranges.draw("spread_m", random), chosen(things, ranges, random)
     spec = mujoco.MjSpec()
@@ -383,8 +384,8 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns the mask in the RGB picture, [height, width], of thing number `index` without all other things. pose:
-        4x4 from its file's axes to the world."""
+        """Returns the mask, bool [height, width], of object number `index` in the RGB picture, as if it were alone in
+        the scene. pose: 4x4 from its file's axes to the world."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
@@ -394,8 +395,9 @@ class Studio:
 
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
-    """Returns the preset with an RGB image of the wanted size, cut or widened about its middle. It has no distortion,
-    because BOP's cameras are pinholes. Infrared cameras of another size keep their horizontal field of view."""
+    """Returns the preset with an RGB image of the settings' size. The image is scaled to the height, and cut or widened
+    on both sides to the width. It has no distortion, because BOP's cameras are pinholes. Infrared images of another
+    size keep their horizontal field of view."""
     config = StereoDepthSensorConfig(settings.sensor)
     if settings.ir_size is not None:
         whole, config = config, config.resized(*settings.ir_size)

@@ -66,8 +66,8 @@ _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP
 
 @dataclass
 class _Content:
-    """Collects a bag's content by stream, such as 'Infrared 1'. images: files by time in milliseconds. places: 4x4 from
-    the device's first stream. baselines_m: those that the streams' camera_info states."""
+    """Collects a bag's content by stream, such as 'Infrared 1'. images: files by time in milliseconds. places: poses,
+    4x4 from the axes of the device's first stream. baselines_m: baselines that the streams' camera_info states."""
 
     path: Path
     images: dict[str, dict[float, Path]] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class _Content:
     depth_units_m: float | None = None
 
     def note(self, topic: str, message: Any) -> None:
-        """Stores the camera, the place, the baseline or the depth's unit that a message states."""
+        """Stores the camera, the pose, the baseline or the unit of depth that a message states, if any."""
         stream, kind, name = stream_of(topic), type(message).__name__, topic.lower()
         if "depth_units" in name and hasattr(message, "data"):
             self.depth_units_m = float(message.data)
@@ -122,8 +122,8 @@ def is_bag(path: Path) -> bool:
 
 
 def image_streams(path: Path) -> dict[str, int]:
-    """Returns the streams of which a bag has images (Infrared 1, Infrared 2, Depth, Aligned, Color), and their
-    number. Raises as extract_bag() does."""
+    """Returns {stream: number of its images} for a bag's streams Infrared 1, Infrared 2, Depth, Aligned and Color.
+    Raises as extract_bag() does."""
     with _opened(path) as reader:
         images = [c for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES]
         return {stream: c.msgcount for c in images if (stream := stream_of(c.topic)) is not None}
@@ -140,7 +140,7 @@ def extract_bag(
 ) -> tuple[DeviceText, float | None]:
     """Writes a bag's infrared and depth images into `folder`, named by stream and time as realsense_folder reads them.
     Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
-    none. Raises ValueError, one line, with the bag and the missing part, also without rosbags."""
+    none. Raises ValueError, one line, with the bag and the missing part; also if rosbags is missing."""
     content = _extract(path, folder, _OF_A_PAIR, progress)
     return content.device(content.images, baseline_m), content.depth_units_m
 
@@ -149,8 +149,8 @@ def read_color_depth_bag(
     path: Path, folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ColorDepthRecording:  # fmt: skip
-    """Writes a bag's images into `folder` and returns them as a recording. K and depth_scale override the bag's. Raises
-    ValueError, one line, with the bag and the missing part, also without rosbags."""
+    """Writes a bag's images into `folder` and returns them as a recording. K and depth_scale, if given, override the
+    bag's. Raises ValueError, one line, with the bag and the missing part; also if rosbags is missing."""
     depth_stream = "Depth" if "Depth" in image_streams(path) else "Aligned"
     content = _extract(path, folder, (depth_stream, "Color"), progress)
     depths, colors = (content.images.get(stream, {}) for stream in (depth_stream, "Color"))
@@ -180,7 +180,7 @@ def read_color_depth_bag(
 
 
 def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Callable[[float], None] | None) -> _Content:
-    """Writes the images of these streams into `folder` and returns all that the bag holds of them."""
+    """Writes the images of these streams into `folder`. Returns them with the calibration that the bag states."""
     content, start_ms = _Content(path), None
     for topic, message, time_ms, share in _messages(path, streams=streams):
         stream = stream_of(topic)
@@ -203,7 +203,7 @@ def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Callabl
 
 
 def _place(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
-    """Returns a stream's pose, 4x4 from the device's first stream, if the message states it, else None. Reads
+    """Returns the 4x4 from the device's first stream to this one, or None if the message does not state it. Reads
     librealsense's Transform, or its text since 2.58, whose rotation is column by column."""
     name = f"{path}: {topic}"
     if type(message).__name__.endswith("Transform"):
@@ -218,8 +218,8 @@ def _place(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
 
 
 def read_calibration(path: Path, baseline_m: float | None = None) -> DeviceText:
-    """Reads a bag's calibration, no images. baseline_m: for a bag that states none. Raises ValueError with the bag and
-    the missing part, or if both baselines exist and differ."""
+    """Reads a bag's calibration without its images. baseline_m: the user's, for a bag that states none. Raises
+    ValueError with the bag and the missing part, or if both baselines exist and differ."""
     streams, content = image_streams(path), _Content(path)
     kinds = ("CameraInfo", "Transform", "String", "Float32")
     for topic, message, _, _ in _messages(path, kinds, is_first_enough=True):
@@ -257,8 +257,8 @@ def stream_of(topic: str) -> str | None:
 
 @contextmanager
 def _with_metadata(path: Path) -> Iterator[Path]:
-    """Yields a temporary folder with a link to a .db3 file and a metadata.yaml made for it; the file itself is only
-    read. Raises sqlite3.Error if it is no such bag."""
+    """Yields a temporary folder with a link to a .db3 file and with the metadata.yaml that rosbags needs. The file
+    itself is only read. Raises sqlite3.Error if the file is no such bag."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
         count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
         counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
@@ -314,9 +314,9 @@ def _opened(path: Path) -> Iterator[Any]:
 def _messages(
     path: Path, kinds: Sequence[str] = (), streams: Sequence[str] = _OF_A_PAIR, is_first_enough: bool = False
 ) -> Iterator[tuple[str, Any, float, float]]:
-    """Yields (topic, message, time in ms, share of the bag that is read) of a bag's messages. kinds: message types to
-    read, () = all that this importer knows. streams: streams to read, besides topics of the device itself.
-    is_first_enough: reads until each topic has given a message."""
+    """Yields (topic, message, time in ms, share of the bag that is read). kinds: message types to read; () for all that
+    this importer knows. streams: streams to read; topics that belong to no stream are read too. is_first_enough: stops
+    once each topic has given a message."""
     with _opened(path) as reader:
         wanted = [
             c
@@ -339,7 +339,7 @@ def _messages(
                 return
 
 
-# Largest number of k1, k2, p1, p2, k3, k4, k5, k6 in a lens model, by ROS's and librealsense's names.
+# Lens models by ROS's and librealsense's names; _BROWN: the largest number of k1, k2, p1, p2, k3, k4, k5, k6.
 _FISHEYE = ("equidistant", "fisheye", "kannala brandt4")
 _BROWN = {"": 5, "plumb_bob": 5, "none": 5, "brown conrady": 5, "modified brown conrady": 5, "rational_polynomial": 8}
 
@@ -447,8 +447,8 @@ class Pair(NamedTuple):
 
 
 def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> Iterator[Pair]:
-    """Yields the infrared pairs in order of time. is_wanted(name): decides whether to decode a pair. Raises ValueError,
-    one line, with the recording and its fault, once the pairs before the fault have been yielded."""
+    """Yields a recording's infrared pairs in order of time. is_wanted(name): decides whether to decode a pair. Raises
+    ValueError, one line, with the recording and its fault, after it has yielded the pairs before the fault."""
     if is_bag(path):
         pairs = read_pairs(path, is_wanted)
     else:

@@ -49,7 +49,7 @@ _OPENCV_DIRECTIVE = re.compile(r"%YAML:[\d.]+")
 
 @dataclass(frozen=True)
 class Entry:
-    """A YAML mapping with checked reads by key. name: begins its error messages."""
+    """A YAML mapping with checked reads by key. name: the file and the mapping's place in it, for error messages."""
 
     name: str
     values: dict[str, Any]
@@ -263,7 +263,7 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
 
 
 def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.float64]) -> DeviceText:
-    """Returns the calibration of two cameras in any order; the camera on the right becomes the right one."""
+    """Returns the calibration of two cameras, given in either order. The camera on the right becomes the right one."""
     if first_to_second[0, 3] > 0.0:
         return DeviceText.of_pair(path, lenses[::-1], np.linalg.inv(first_to_second))
     return DeviceText.of_pair(path, lenses, first_to_second)
@@ -314,8 +314,8 @@ def read_calibration_files(
     paths: Sequence[Path], are_rectified: bool, baseline_m: float | None, size: tuple[int, int] | None
 ) -> DeviceText:
     """Reads the calibration from one file, or from the two that ROS or OpenCV write. are_rectified: the images are
-    rectified ones, described by P. baseline_m: the user's baseline, or None. size: (width, height) of the images, for
-    files without it. Raises ValueError with file, key, value and remedy."""
+    already rectified, so that the file's P describes them. baseline_m: the user's baseline, or None. size: (width,
+    height) of the images, for files without it. Raises ValueError with file, key, value and remedy."""
     texts = [read_text(path, errors="replace") for path in paths]
     if any(p.suffix.lower() in _YAML or text.startswith("%YAML") for p, text in zip(paths, texts, strict=True)):
         device = read_calibration_yaml(paths, are_rectified, baseline_m, size)

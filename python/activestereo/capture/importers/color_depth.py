@@ -108,7 +108,7 @@ def write_color_depth(
 
 
 def nearest(times: Iterable[float], time_s: float, within_s: float) -> float | None:
-    """Returns the time in `times` that is nearest to time_s, or None if it is farther than within_s."""
+    """Returns the time in `times` nearest to time_s, or None if none is within within_s seconds of it."""
     found = min(times, key=lambda t: abs(t - time_s), default=None)
     return found if found is not None and abs(found - time_s) <= within_s else None
 
@@ -123,8 +123,8 @@ _TRAJECTORIES = ("trajectory.log", "scene/trajectory.log", "trajectory.json", "s
 
 
 def read_tum(folder: Path, K: NDArray[np.float64] | None, depth_scale: float | None = None) -> ColorDepthRecording:
-    """Reads a folder as a ColorDepthRecording. K: 3x3, which the layout lacks; None raises. Raises ValueError with
-    file, line and value."""
+    """Reads a folder of the TUM layout. K: 3x3 of the colour camera; required, because the layout has none. Raises
+    ValueError with file, line and value."""
     if K is None:
         raise ValueError(f"{folder}: K: the TUM layout has none: give --k FX,FY,CX,CY of the colour camera")
     colors, depths = (_tum_files(folder / name) for name in ("rgb.txt", "depth.txt"))
@@ -163,8 +163,8 @@ def _tum_files(path: Path) -> dict[float, Path]:
 def read_open3d(
     folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
 ) -> ColorDepthRecording:
-    """Reads a folder as a ColorDepthRecording. K and depth_scale override the folder's. Raises ValueError with file,
-    key and value."""
+    """Reads a folder of Open3D's layout. K and depth_scale, if given, override the folder's. Raises ValueError with
+    file, key and value."""
     path = next(folder / name for name in INTRINSICS if (folder / name).is_file())
     intrinsics = read_json_object(path)
     if K is None:
@@ -213,8 +213,8 @@ def _open3d_poses(folder: Path) -> list[NDArray[np.float64]] | None:
 
 
 def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> ColorDepthRecording:
-    """Reads a scene as a ColorDepthRecording. scene: path at which a glTF file of the objects is written, if there are
-    models. Raises ValueError with file, key and value."""
+    """Reads one scene of a BOP data set. scene: path for a glTF file of the objects in view, which is written if there
+    are models. Raises ValueError with file, key and value."""
     path = folder / "scene_camera.json"
     cameras, poses = read_json_object(path), folder / "scene_gt.json"
     truth = read_json_object(poses) if poses.is_file() else {}

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads camera poses, groups the frames of recordings without poses into repeats of one view, and writes frames as a
-capture."""
+"""Reads camera poses, finds frames that repeat one view in recordings without poses, and writes frames as a capture."""
 
 from __future__ import annotations
 
@@ -22,8 +21,8 @@ INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera, as lib
 
 
 def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Returns the 4x4 of x, y, z, qx, qy, qz, qw, as TUM's and robots' files have them. Raises ValueError, which begins
-    with the name, if the quaternion's length is more than 1 % off 1."""
+    """Returns the 4x4 pose of x, y, z, qx, qy, qz, qw, the numbers in TUM's and robots' files. name: begins the message
+    of the ValueError, which is raised if the quaternion's length is more than 1 % off 1."""
     x, y, z, qx, qy, qz, qw = np.asarray(values, dtype=np.float64)
     norm = float(np.linalg.norm((qx, qy, qz, qw)))
     if abs(norm - 1.0) > 0.01:
@@ -92,8 +91,8 @@ def repeat_groups(images: Sequence[NDArray], views: Sequence[Hashable]) -> list[
 
 
 def _show_same_view(image: NDArray, other: NDArray) -> bool:
-    """Returns whether two images show one view, so that they differ only by noise, brightness and offsets of rows and
-    columns. Their difference is averaged over blocks: noise nearly vanishes, and most of a movement stays."""
+    """Returns whether two images show one view: they differ only by noise, brightness and offsets of rows and columns.
+    The test averages their difference over blocks, which removes most of the noise and little of a movement."""
     first, second = image.astype(np.float32), other.astype(np.float32)
     scale = float(np.vdot(first, second)) / max(float(np.vdot(second, second)), 1.0)
     difference = first - scale * second
@@ -110,8 +109,8 @@ def write_frames(
     progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Reads the images that a capture's frames name, writes the capture at its path, which must not exist, and returns
-    it. Its scene is empty if it is the path's scene.gltf. 16-bit infrared images without pixels above 255 are stored
-    with 8 bits. views: key of each frame's view, for frames of unknown poses; frames of one view whose pictures agree
+    it. It writes an empty scene if scene_path is the path's scene.gltf. 16-bit infrared images without pixels above 255
+    become 8-bit. views: key of each frame's view, for frames of unknown poses; frames of one view whose pictures agree
     become a repeat group. Raises ValueError with the file if sizes differ, depth has 8 bits or a file is damaged."""
     rig, frames = capture.rig, capture.frames
     images, depths, colors = {}, {}, {}

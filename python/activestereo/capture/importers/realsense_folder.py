@@ -2,9 +2,9 @@
 """Imports a folder of PNG files as a capture: infrared pairs, 16-bit depth if there is any, and colour.
 
 A word anywhere in a file's name gives its stream: "Infrared 1" or left, "Infrared 2" or right, Depth, Color. The last
-number is the timestamp in milliseconds or the frame's number: rs-convert's and the viewer's names, and left/000001.png
-beside right/000001.png. Without such numbers, names of a frame differ only in the stream's word: left/desk.png beside
-right/desk.png, desk_left.png beside desk_right.png."""
+number in the name is the timestamp in milliseconds or the frame's number. This covers the names of rs-convert and of
+the viewer, and left/000001.png beside right/000001.png. Without such numbers, names of a frame differ only in the
+stream's word: left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class RobotPoses:
     camera_to_gripper: NDArray[np.float64]
 
     def at(self, left: Path) -> tuple[NDArray[np.float64], int]:
-        """Returns a frame's gripper_to_base, 4x4, and the number of this pose among all different poses. left: the
+        """Returns (a frame's gripper_to_base, 4x4; the pose's index among the robot's different poses). left: the
         frame's left image. Raises ValueError if the frame is not listed."""
         if left.stem not in self.gripper_to_base:
             raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
@@ -57,8 +57,8 @@ class RobotPoses:
 
 @dataclass(frozen=True)
 class FrameFiles:
-    """The files of one frame by stream. number: the one in the left file's name, else the frame's place in order. view:
-    number of the folder that the frame is from. projector_on: False below a folder that is named off."""
+    """The files of one frame by stream. number: the number in the left file's name, else the frame's index. view: index
+    of the folder that the frame is from. projector_on: False below a folder that is named off."""
 
     number: float
     files: dict[str, Path]

@@ -46,8 +46,8 @@ class DeviceText:
 
     @classmethod
     def of_pair(cls, path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64] | float) -> DeviceText:
-        """Makes the calibration of both infrared cameras alone. left_to_right: 4x4, or the baseline in metres of
-        rectified cameras."""
+        """Makes a calibration of the two infrared cameras alone. left_to_right: 4x4, or for rectified cameras the
+        baseline in metres."""
         if isinstance(left_to_right, float):
             left_to_right = rigid_motion((-left_to_right, 0.0, 0.0))
         modes = {(side, lens.width, lens.height): lens for side, lens in zip(INFRARED, lenses, strict=True)}
@@ -68,7 +68,7 @@ class DeviceText:
         return found
 
     def left_to_right(self) -> NDArray[np.float64]:
-        """Returns the 4x4 from the left to the right infrared camera. Raises ValueError if it is swapped."""
+        """Returns the 4x4 from the left to the right infrared camera. Raises ValueError if the cameras are swapped."""
         motion = self.extrinsic(*INFRARED)
         if motion[0, 3] >= 0.0:
             raise ValueError(
