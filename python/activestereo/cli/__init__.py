@@ -141,8 +141,8 @@ def _run(args: argparse.Namespace) -> None:
 
 @contextmanager
 def _no_empty_folder(out: Path | None) -> Iterator[None]:
-    """Wraps a command: if it fails, removes the still empty folders that it made for `out`. out: the command's --out,
-    or None."""
+    """Wraps a command. If the command fails, it removes the folders that the command made for `out`, if they are still
+    empty. out: the command's --out, or None."""
     new = [] if out is None else [folder for folder in (out, *out.parents) if not os.path.lexists(folder)]
     try:
         yield
@@ -163,7 +163,7 @@ def _fault(error: Exception) -> str:
 
 
 def _missing(error: ImportError) -> str:
-    """Returns a line on a missing module, with the command that installs it if known."""
+    """Returns a line on a missing module, with the command that installs the module if it is known."""
     name = (error.name or "").partition(".")[0]
     if name in doctor.PACKAGES:
         return f"{error}: pip install 'activestereo[{doctor.PACKAGES[name]}]'"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the parser of all commands, whose errors are one line with the nearest known name, and the argument types and
-options that several commands share."""
+"""Defines the argument parser of all commands, and the argument types and options that several commands share. The
+parser's errors are one line each, with the nearest known name."""
 
 from __future__ import annotations
 
@@ -83,20 +83,21 @@ def _indent(line: str) -> int:
 
 
 def _hang(line: str) -> int:
-    """Returns the column at which a list entry's continuation lines start; 0 for plain prose."""
+    """Returns the column of a list entry's text; for other indented lines two more than the indent; 0 for plain
+    prose."""
     entry = re.match(r" +\S+(?: \S+)*?  +(?=\S)", line)
     return entry.end() if entry else _indent(line) + 2 * line.startswith(" ")
 
 
 class Parser(argparse.ArgumentParser):
-    """Extends argparse: errors suggest the nearest known command or option, and --help hides rare options."""
+    """Extends argparse: errors suggest the nearest known command or option, and --help leaves out the rare options."""
 
     def __init__(self, *, formatter_class: Any = Help, **own: Any) -> None:
         super().__init__(formatter_class=formatter_class, **own)
         self._rare: list[Any] = []  # groups that --help-all alone shows
 
     def rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
-        """Returns a new group for rare options: --help prints its title alone, --help-all its options."""
+        """Returns a new group for rare options: --help prints only its title, --help-all also its options."""
         if not self._rare:
             self.add_argument("--help-all", action=_HelpAll, nargs=0, help="show all options, also the rare ones")
         self._rare.append(self.add_argument_group(title, description))
@@ -158,15 +159,15 @@ class _HelpAll(argparse.Action):
 def add_command(
     commands: Commands, name: str, summary: str, text: str, run: Callable[[argparse.Namespace], None] | None = None
 ) -> Parser:
-    """Adds a command with its help and returns its parser. run: what does the work; None where subcommands do."""
+    """Adds a command with its help and returns its parser. run: does the work; None if the command has subcommands."""
     parser = commands.add_parser(name, help=summary, description=text)
     parser.set_defaults(run=run)
     return parser
 
 
 def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
-    """Parses finite numbers with commas or blanks between. counts: the allowed numbers of values; what: the argument's
-    name in errors."""
+    """Parses finite numbers that are separated by commas or blanks. counts: how many numbers are allowed; what: the
+    argument's name in errors."""
     try:
         values = np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
@@ -208,8 +209,8 @@ def size(text: str) -> tuple[int, int]:
 def _number(
     needed: str, is_allowed: Callable[[Any], bool] = lambda value: True, kind: Callable[[str], Any] = float
 ) -> Callable[[str], Any]:
-    """Returns a parser of numbers. needed: names the allowed ones in errors. kind: makes the number, or raises
-    ValueError."""
+    """Returns a function that parses a number. needed: words for the allowed numbers, for errors. is_allowed: whether a
+    number is allowed. kind: converts the text, or raises ValueError."""
 
     def parse(text: str) -> Any:
         try:
@@ -252,7 +253,7 @@ def baseline(text: str) -> float:
 
 
 def names_of(what: str, known: Sequence[str]) -> Callable[[str], list[str]]:
-    """Returns a parser of comma-separated names, each one of `known`. what: the kind of name in errors."""
+    """Returns a function that parses comma-separated names, each one of `known`. what: the kind of name in errors."""
 
     def parse(text: str) -> list[str]:
         for name in text.split(","):
@@ -340,16 +341,16 @@ SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
-    """Returns command-line words that repeat options of this run in a command to run next. names: the options, with "_"
-    for "-"; those at their default are left out."""
+    """Returns the words with which a suggested next command repeats options of this run. names: the options, with "_"
+    for "-". Options at their default value are left out."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]
 
 
 def print_section(args: argparse.Namespace, section: str, text: str, *after: Step) -> None:
-    """Prints the section of a model.json (args.out) that a calibration has written: as JSON under --json, else as
-    `text` and commands to run next. text: its first line is the summary; after: the commands; none: `model show`."""
+    """Prints the section that a calibration wrote into args.out, a model.json: as JSON under --json, else `text` and
+    commands to run next. text: a summary in its first line, then notes. after: the commands; `model show` if none."""
     if args.json:
         print_json(read_json_object(args.out).get(section, []))
         return
@@ -364,7 +365,7 @@ def print_json(value: Any) -> None:
 
 
 def check_out_file(path: Path) -> None:
-    """Raises CommandError or OSError before the long work if no file can be written at `path`."""
+    """Raises CommandError or OSError if no file can be written at `path`. Commands call it before their long work."""
     if path.is_dir():
         raise CommandError(f"{path} is a folder: give the name of a file, such as {path / 'model.json'}")
     if not path.absolute().parent.is_dir():
@@ -373,8 +374,8 @@ def check_out_file(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Makes the folder `path` and its parents. Raises CommandError before the long work if it cannot be written
-    into."""
+    """Makes the folder `path` and its parents. Raises CommandError if nothing can be written into it. Commands call it
+    before their long work."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".activestereo"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo calibrate`: measures a real camera's frames into sections of model.json, an object's
-materials, and, of views with depth, a scene or a capture for the lab."""
+"""Implements `activestereo calibrate`: measures frames of a real camera into sections of model.json, and an object's
+materials. From views with depth it makes a scene, or a capture with camera, poses, pattern and light."""
 
 from __future__ import annotations
 
@@ -198,8 +198,8 @@ def add_parser(commands: cli.Commands) -> None:
 def _section_part(
     parts: cli.Commands, name: str, summary: str, text: str, section: str, measure: Callable[..., Any]
 ) -> cli.Parser:
-    """Adds a calibration that replaces a section of model.json. measure(args, progress): returns the measured
-    SensorModel, a text on it, and perhaps the command to run next."""
+    """Adds a calibration that replaces one section of model.json. measure(args, progress): returns the measured
+    SensorModel, a text on it, and perhaps commands to run next."""
     parser = cli.add_command(parts, name, summary, text, _run_section)
     parser.set_defaults(section=section, measure=measure)
     text = "model.json; made if it is not there, else one section is replaced"
@@ -252,8 +252,8 @@ def _materials(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 
 
 def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
-    """Calibrates the rig, and writes a picture of the corners' coverage and, with --robot, the camera's place on the
-    gripper beside the model."""
+    """Calibrates the rig. Writes a picture of the corners' coverage beside the model and, with --robot, the camera's
+    pose on the gripper."""
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.rig import Board, calibrate_rig, write_coverage
 

@@ -82,8 +82,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """Returns compare()'s arguments for the model of --model: effects and calibration. Outside measured rooms they
-    include the scene measurement and the render engines.
+    """Returns compare()'s arguments for the model of --model: its effects and calibration. They also include its scene
+    measurement and the render engines, unless the capture is a measured room.
 
     In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of

@@ -75,7 +75,8 @@ def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
 
 
 def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
-    """Returns two lines: the hidden effect, and the effects that the diagnosis found, with values and units."""
+    """Returns two lines: the effect `secret`, which was hidden, and the effects that were found, with values and
+    units."""
     from activestereo.benchmarks.example_capture import HIDDEN
     from activestereo.report.diagnosis import parameter_text
 

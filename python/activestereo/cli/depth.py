@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo depth`: computes depth from an image pair, warns of exchanged cameras or cut-off depth, and
-matches every infrared pair of a recording again."""
+"""Implements `activestereo depth`: computes depth from an image pair, or from every infrared pair of a recording. Warns
+if the images seem exchanged or if the range of depths cuts off pixels."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def add_parser(commands: cli.Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Matches a pair of images and prints the result; a recording alone goes to _run_recording()."""
+    """Computes an image pair's depth, writes it and prints the result; a recording goes to _run_recording()."""
     if args.right is None:
         _run_recording(args)
         return
@@ -172,7 +172,7 @@ def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Devi
     return simsense.Device(args.device or ("auto" if given.get("back_end") == "vulkan" else "host"))
 
 
-# The cameras are exchanged if the exchanged pair matches _TIMES as many pixels and at least _LEAST_FILL of the image.
+# The images are exchanged if the swapped pair matches _TIMES as many pixels and at least _LEAST_FILL of the image.
 _TIMES = 1.5
 _SUSPICIOUS_FILL = 0.6
 _LEAST_FILL = 0.5
@@ -182,8 +182,8 @@ def depth_hints(
     cameras: RectifiedPair, engine: simsense.Engine, left: np.ndarray, right: np.ndarray,
     result: Mapping[str, np.ndarray],
 ) -> list[str]:  # fmt: skip
-    """Returns warnings about dropped depth and exchanged images, an empty list if there are none. result: the engine's
-    depth in metres and disparity in pixels."""
+    """Returns warnings about pixels outside of the range of depths and about exchanged images; an empty list if there
+    are none. result: the engine's depth in metres and disparity in pixels."""
     hints, disparity, p = [], result["disparity"], engine.parameters
     # A matched pixel without depth lies outside of the range of depths that the engine keeps.
     lost = (disparity > 0) & (result["depth"] == 0)
@@ -210,7 +210,7 @@ def depth_hints(
 
 
 def _run_recording(args: argparse.Namespace) -> None:
-    """Matches all pairs of the recording, and prints the result."""
+    """Computes depth of all pairs of the recording that have none yet, and prints the result."""
     from activestereo.camera.advanced_mode.settings import AdvancedSettings, read_settings
     from activestereo.capture.importers.bag import count_pairs, is_bag, recorded_pairs
     from activestereo.capture.importers.realsense_folder import frame_files
@@ -264,7 +264,7 @@ def _run_recording(args: argparse.Namespace) -> None:
 
 
 def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, list[str]]:
-    """Returns the recording's rectified cameras, and lines that state the assumptions about them."""
+    """Returns the recording's rectified cameras, and lines that state the assumptions. first: the first pair."""
     from activestereo.capture.importers.bag import is_bag, read_calibration
     from activestereo.capture.importers.realsense_text import DeviceText
 
@@ -292,8 +292,8 @@ def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: Rect
 
 
 def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:
-    """Checks that a folder's earlier depth images are of a run with these facts, and writes them to `path` if it is
-    new. Raises CommandError for other facts, or PNG files (has_images) without the file."""
+    """Checks that a folder's earlier depth images are of a run with these facts. path: the folder's record of them,
+    written here if it is new. Raises CommandError for other facts, or if has_images is true and there is no record."""
     text = json.dumps(facts, indent=1, default=str)
     if path.is_file():
         before = read_json_object(path)

@@ -121,8 +121,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
-    """Returns the commands to run next: check or use the found model, diagnose again with the stub effect, or view the
-    capture."""
+    """Returns the commands to run next: check and use the found model, or diagnose again with the stub of an unknown
+    effect, or view the capture if there is neither."""
     own = [word for file in args.effects for word in ("--effects", file)]
     if diagnosis.stub:
         stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")
@@ -141,8 +141,8 @@ def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
 
 @contextmanager
 def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
-    """Wraps a diagnosis: Ctrl-C writes a note into `folder` on the kept results and on how to continue. A block that
-    ends normally removes the note of an earlier run."""
+    """Wraps a diagnosis. Ctrl-C writes stopped.txt into `folder`: the phase, where results are kept, and how to
+    continue. A block that ends normally removes an earlier run's file."""
     from activestereo.compare.cache import default_cache_folder
 
     note = folder / _STOPPED

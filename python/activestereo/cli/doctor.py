@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo doctor`: checks which devices, packages and libraries work on this machine, and names
-remedies of known failures of a Vulkan set-up: a missing loader, driver, library or device, a container without graphics
-capability, and a render node without permission."""
+"""Implements `activestereo doctor`: checks which devices, packages and libraries work on this machine. It recognises
+known failures of a Vulkan set-up and names their remedies: a missing loader, driver, library or device, a container
+without graphics capability, and a render node without permission."""
 
 from __future__ import annotations
 
@@ -127,8 +127,7 @@ def _blas() -> str | None:
 
 
 def is_reference(blas: str | None) -> bool:
-    """Returns whether a BLAS library's path is that of Debian's reference build, which lacks fast kernels for the
-    processor."""
+    """Returns whether a BLAS library's path is that of Debian's reference build, which is slow."""
     return blas is not None and Path(blas).parent.name == "blas"
 
 
@@ -226,8 +225,8 @@ def _missing_libraries(manifests: list[Path], device_count: int) -> Iterator[Pro
 
 
 def _needed_and_missing(library: str, fault: str | None) -> list[str]:
-    """Returns the linked libraries of an unusable library that the dynamic loader cannot find. fault: the loader's
-    error for it, or None."""
+    """Returns the libraries that a library is linked to and the dynamic loader cannot find. fault: the loader's error
+    on opening the library. If it is None or has another cause, the list is empty."""
     first = re.match(rf"{_LIBRARY}: cannot open shared object file", fault or "")
     if first is None or first[0].split(":")[0] == library:
         return []  # the library opens, is for another architecture, or does not exist
@@ -238,7 +237,7 @@ def _needed_and_missing(library: str, fault: str | None) -> list[str]:
 
 
 def _opened_and_missing(library: str) -> list[str]:
-    """Returns the libraries that a driver opens by itself and cannot find; an empty list if the driver works."""
+    """Returns the libraries that a driver opens at run time and cannot find; an empty list if the driver works."""
     searched = os.environ | {"LD_DEBUG": "libs"}
     asked = [sys.executable, "-c", _NEGOTIATION, library]
     try:
@@ -262,8 +261,8 @@ def _installing(missing: list[str]) -> str:
 
 
 def _without_permission() -> Iterator[Problem]:
-    """Yields problems of access: an NVIDIA driver without its graphics part in a container, and render nodes that this
-    user may not open."""
+    """Yields problems of access: a container that has NVIDIA's driver without its graphics part, and render nodes that
+    this user may not open."""
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the infrared cameras' calibration for an import, and checks that pairs are rectified and in order."""
+"""Finds the infrared cameras' calibration for an import. Checks that pairs are rectified and not exchanged."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _MOST_ROWS_PX = 0.5
 
 
 def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[DeviceText, list[str]]:
-    """Returns (calibration, lines on assumptions) for images of size (width, height): --calibration's, else --k and
-    --baseline. The preset of --sensor fills in missing figures."""
+    """Returns (calibration, lines on assumptions) for images of size (width, height). The calibration is
+    --calibration's, else that of --k and --baseline; the preset of --sensor gives missing values."""
     from activestereo.capture.importers.realsense_text import DeviceText
 
     device = given_device(args, size)
@@ -64,8 +64,8 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
 
 
 def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:
-    """Reads the calibration file of --calibration; --baseline fills in a missing baseline. Returns None without the
-    option. size: (width, height) of the images, or None."""
+    """Reads the calibration file of --calibration; --baseline is used if the file has no baseline. Returns None without
+    the option. size: (width, height) of the images, or None."""
     from activestereo.capture.importers.calibration import read_calibration_files
 
     if not args.calibration:
@@ -104,7 +104,7 @@ class RectifiedPair:
 
 
 def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair:
-    """Returns the two cameras of a calibration for images of width x height. Raises CommandError if they are not
+    """Returns the two cameras of a calibration, for images of width x height. Raises CommandError if they are not
     rectified."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     if np.abs(left.K - right.K)[[0, 1, 1], [0, 1, 2]].max() > _MOST_ROWS_PX:
@@ -120,8 +120,8 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 
 
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
-    """Checks in up to three pairs that left and right images are not swapped, and returns which order it
-    measured. Raises CommandError if they are. are_exchanged: --swap was given; offset_px: right cx minus left cx."""
+    """Measures on up to three pairs whether left and right images are swapped, and returns the measured order. Raises
+    CommandError if they are swapped. are_exchanged: whether --swap was given. offset_px: right cx minus left cx."""
     from activestereo.compare.camera_order import camera_order
 
     some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
@@ -157,7 +157,7 @@ def sides_text(order: CameraOrder) -> str:
 
 
 def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses: bool) -> list[str]:
-    """Returns lines that name a recording's missing parts (depth, poses) and their use."""
+    """Returns lines that name what a recording lacks, depth or poses, and what needs these."""
     out = []
     if not any("depth" in entry.files for entry in files):
         out.append("no depth, which poses, pattern and albedo need: record it, too, or name it by --depth WORD")
@@ -175,8 +175,8 @@ def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """Returns the words of --depth with which every frame has depth, in order of their names: of img_depth_laser.png
-    "laser"."""
+    """Returns the words for --depth that give every frame a depth image, in order of the files' names. For example,
+    img_depth_laser.png gives "laser"."""
     from activestereo.capture.importers.realsense_folder import frame_files
 
     found = []

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
 _MOST_WORDS = 2
-_WARM_UP_S = 300.0  # repeats over so long, some of them without dots, are a warm-up
+_WARM_UP_S = 300.0  # repeats that span longer, some with the projector off, count as a warm-up
 
 _TEXT = """\
 Makes a capture of a recording. RECORDING is one of
@@ -137,8 +137,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:
-    """Reads the recording if its layout (bag, BOP, TUM, Open3D) has colour and depth alone, else returns None.
-    temporary: folder for extracted files."""
+    """Reads the recording if it has colour and depth without infrared: a bag, or a BOP, TUM or Open3D folder. Returns
+    None for other recordings. temporary: folder for extracted files."""
     from activestereo.capture.importers.bag import has_color_depth_alone, is_bag, read_color_depth_bag
     from activestereo.capture.importers.color_depth import INTRINSICS, read_bop, read_open3d, read_tum
 
@@ -155,8 +155,8 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
 
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str], list[str]]:
-    """Imports a recording with infrared pairs. Returns the capture, lines on found, assumed and missing data, and the
-    words of --depth that name one of several kinds of depth."""
+    """Imports a recording with infrared pairs. Returns (capture, lines on found, assumed and missing data, words for
+    --depth). There are words if the folder has several kinds of depth images, and each selects one kind."""
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
     from activestereo.capture.importers.frames import read_trajectory
     from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
@@ -230,7 +230,7 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
 
 
 def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDArray[np.uint8]]:
-    """Returns the preset's projector and its dot pattern, a black one if the camera has no projector."""
+    """Returns the preset's projector and its dot pattern; a black pattern if the camera has no projector."""
     from activestereo.camera.plan import pattern_of
 
     pattern, K = pattern_of(config) or (np.zeros((2, 2), np.uint8), np.eye(3))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo add`, which adds an effect to a sensor model or changes its parameters, and `activestereo
-model show | diff | export`, which prints a model or exports it as other simulators' noise models."""
+"""Implements `activestereo add`: adds an effect to a sensor model or changes its parameters. Implements `activestereo
+model show | diff | export`: prints a model, compares two, or exports one as other simulators' noise models."""
 
 import argparse
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo pair`: measures sensor properties on one infrared pair, without a scene."""
+"""Implements `activestereo pair`: measures properties of a real sensor on one infrared pair, without a known scene."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.ndarray:
-    """Reads --device-depth as disparity in pixels of the left image, 0 = none. shape: of the left image."""
+    """Reads --device-depth as disparity in pixels of the left image, 0 = none. shape: the left image's."""
     depth = read_gray(args.device_depth, key="depth")
     step = shape[0] // depth.shape[0] if depth.shape[0] else 0
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:

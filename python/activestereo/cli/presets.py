@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo presets`: prints the known cameras, and the source of each of their figures."""
+"""Implements `activestereo presets`: prints the known cameras, and each of their figures with its source."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Adds the options that describe a sensor: one for each parameter of the engines' generated tables, lenses, shutters
-and motion, NAME=X fields of imagers and optics, and the maps and words that simulate and depth have in common."""
+and motion, and NAME=X fields of imagers and optics. Also writes maps and lines for both simulate and depth."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def add_options(
 
 
 def _within(p: Parameter, parse: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Returns an argparse type that parses p's number and refuses one out of range with the engine's limits."""
+    """Returns an argparse type that parses p's number and refuses one outside of the engine's limits."""
 
     def number(text: str) -> Any:
         value = parse(text)
@@ -86,7 +86,7 @@ def add_matching(parser: cli.Parser, defaults: Mapping[str, Any]) -> None:
 
 
 def wanted_maps(args: argparse.Namespace) -> tuple[str, ...]:
-    """Returns the names of the optional maps (such as "confidence") that the options request."""
+    """Returns the names of the optional maps that --confidence and --reason request."""
     return tuple(name for name in _MAPS if getattr(args, name))
 
 
@@ -147,8 +147,8 @@ def _field(text: str) -> tuple[str, float | int | list[float] | None]:
 
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
-    """Writes the fields given by --ir-signal, --ir-optics and --rgb-optics into the configuration; other fields
-    stay."""
+    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration; other fields keep
+    their values."""
     if args.ir_signal:
         own, neutral = config.ir_signal, simsense.signal_preset("neutral")
         signal = simsense.signal_preset(own) if isinstance(own, str) else dict(own or {})  # type: ignore[arg-type]

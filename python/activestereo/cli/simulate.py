@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo simulate`: takes one frame of a depth sensor in a scene file, and tells its depth, its
-infrared light, and bodies that the sensor cannot measure."""
+"""Implements `activestereo simulate`: simulates one frame of a depth sensor in a scene file. Reports its depth, its
+infrared light, and the bodies that the sensor cannot measure."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ examples:
 
 _USUAL = [p for p in RENDER if p.name in ("samples_per_pixel", "max_bounces")]
 _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
-# Depth is coarser if the projector's share of the infrared light at the dots is below this. (In the example scene of
+# Below this share of the projector in the infrared light at the dots, depth is coarser. (In the example scene of
 # 300 lux it is a sixth; the projector's share of all pixels' light is a twenty-fifth.)
 LEAST_SHARE = 0.05
 _MOST_NAMED = 3
@@ -156,8 +156,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | None = None) -> SensorModel | None:
-    """Reads the model file of --model, or returns None without that option. effects: those of --effects and the
-    built-in ones, which are loaded without it."""
+    """Reads the model file of --model, or returns None without that option. effects: {id: Effect} that the model may
+    name; None: loads the built-in ones and those of --effects."""
     if args.model is None:
         return None
     if args.resolution:
@@ -172,9 +172,9 @@ def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | Non
 def sensor_config(
     args: argparse.Namespace, model: SensorModel | None, view: Frame | None = None
 ) -> StereoDepthSensorConfig:
-    """Returns the model's configuration, with --sensor's values where it has none; without a model the --sensor preset,
-    scaled to --resolution if given. view: the capture's frame whose light the model knows, or None. Raises CommandError
-    if --resolution has another shape than the preset, or a side below 32."""
+    """Returns the model's configuration, completed by the --sensor preset; without a model the --sensor preset, scaled
+    to --resolution if given. view: the capture's frame under whose light, as the model knows it, to simulate, or None.
+    Raises CommandError if --resolution has another shape than the preset, or a side below 32."""
     if model is not None:
         return StereoDepthSensorConfig.from_model(model, args.sensor, view)
     config = StereoDepthSensorConfig(args.sensor)
@@ -195,7 +195,7 @@ def sensor_config(
 def make_config(
     args: argparse.Namespace, model: SensorModel | None = None, view: Frame | None = None
 ) -> StereoDepthSensorConfig:
-    """Returns sensor_config() with the given options applied and checked. view: the capture's frame, or None."""
+    """Returns sensor_config() with the command's options applied and checked. view: the capture's frame, or None."""
     config = sensor_config(args, model, view if _is_lit(args, model, view) else None)
     config.render_seed = config.noise_seed = args.seed
     options.set_cameras(config, args)
@@ -215,7 +215,7 @@ def make_config(
 
 
 def _is_lit(args: argparse.Namespace, model: SensorModel | None, view: Frame | None) -> bool:
-    """Returns whether the model knows the light of the capture's frame and no option states another."""
+    """Returns whether to use the light of the capture's frame: the model knows it, and no option states another."""
     is_known = model is not None and {"projector_scale", "ambient_scale"} <= set(model.nuisances)
     return view is not None and is_known and args.ambient is None and args.environment is None
 
@@ -223,8 +223,8 @@ def _is_lit(args: argparse.Namespace, model: SensorModel | None, view: Frame | N
 def _load_scene(
     args: argparse.Namespace, config: StereoDepthSensorConfig, is_lit: bool
 ) -> tuple[kuafu.Scene, float | None]:
-    """Loads the scene file and lights it. is_lit: by the light of the capture, which the configuration has. Returns
-    (scene, radiance), the latter in W/(sr m^2), None unless the scene had no light and uniform light was added."""
+    """Loads the scene file and lights it. is_lit: by the capture's light, which the configuration has. Returns (scene,
+    radiance): W/(sr m^2) of the uniform light that was added to a scene without light, None if none was added."""
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.usd import is_usd
 
@@ -251,8 +251,8 @@ def _light_scene(
     config: StereoDepthSensorConfig,
     dome: tuple[float, float, float] | None,
 ) -> float | None:
-    """Sets the scene's uniform light or environment map. Returns the radiance in W/(sr m^2) that was added to an unlit
-    scene, else None. dome: radiance of a USD dome light, or None."""
+    """Sets the scene's uniform light or environment map. Returns the radiance in W/(sr m^2) that was added to a scene
+    without light, else None. dome: radiance of a USD dome light, or None."""
     from activestereo.scene_io.defaults import light_closed_room
     from activestereo.scene_io.staging import set_environment_map
 
@@ -278,7 +278,7 @@ def _light_scene(
 
 
 def _view_of_capture(args: argparse.Namespace) -> Frame:
-    """Replaces args.scene, a capture's folder, by its scene file. Returns the first frame."""
+    """Returns the first frame of the capture in the folder args.scene. Sets args.scene to the capture's scene file."""
     capture = read_capture(args.scene)
     if capture.scene_path is None:
         raise cli.CommandError(f"{args.scene}: this capture has no scene: give a scene file")
@@ -289,7 +289,7 @@ def _view_of_capture(args: argparse.Namespace) -> Frame:
 def _sensor_pose(
     args: argparse.Namespace, scene: kuafu.Scene, config: StereoDepthSensorConfig, view: Frame | None
 ) -> tuple[Pose, str]:
-    """Returns the pose that was asked for or the scene has and an empty text, else a chosen one and words on it."""
+    """Returns (pose, ""), if options, capture or scene state the pose; else (a chosen pose, words on it)."""
     from activestereo.scene_io.defaults import overall_view
 
     if args.camera_to_world is not None:
@@ -366,7 +366,7 @@ def _report(
 
 def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
     """Returns a sentence with the share of pixels that have depth, their median error, and the share of invented depth.
-    rows: accuracy of each material, the whole picture last."""
+    rows: accuracy for each material; the last one is for the whole picture."""
     whole = rows[-1]
     if not whole.pixels:
         return f"{name}: nothing is in the sensor's range."
@@ -375,8 +375,8 @@ def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
 
 
 def failing(rows: Sequence[Accuracy]) -> list[Figure]:
-    """Returns a bar for each of the materials with most wrong pixels; its length is the share that is empty or
-    invented. rows: as in depth_sentence()."""
+    """Returns a bar for each of the materials with most wrong pixels, three at most. Its length is the share of the
+    material's pixels that are empty or invented. rows: as in depth_sentence()."""
     known = [row for row in rows[:-1] if row.pixels and row.name != NOTHING]
     faults = sorted(((1.0 - row.fill + row.invented, row) for row in known), key=lambda own: -own[0] * own[1].pixels)
     found = []
@@ -388,8 +388,8 @@ def failing(rows: Sequence[Accuracy]) -> list[Figure]:
 
 
 def light_lines(share: LightShare | None, added: float | None, chosen: str) -> list[str]:
-    """Returns lines on the view and the light. added: radiance of the light added to a dark scene, or None. chosen:
-    words on the view that was chosen, empty where the scene or the user states one."""
+    """Returns lines on the light and the view. share: of the infrared light, or None. added: radiance of light added to
+    a dark scene, or None. chosen: words on a view that no scene or user stated, else ""."""
     view = [f"view: the scene has no camera: {chosen} (--camera-to-world)"] if chosen else []
     room = [f"light added: a room of {ROOM_LUX:g} lux, for the scene has no light (--ambient)"] if added else []
     if share is None:
@@ -408,8 +408,8 @@ def warn_of_light(share: LightShare | None) -> None:
 
 
 def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
-    """Warns on stderr of materials that the model has values for and the scene lacks. Albedo factors do not count: a
-    diagnosis fits them to the scene of its own capture."""
+    """Warns on stderr of materials that the model has values for and the scene lacks. It ignores albedo factors,
+    because a diagnosis fits them to the scene of its own capture."""
     from activestereo.effects.core.surfaces import material_of
 
     own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]

@@ -82,7 +82,7 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
 
 
 def make_server(args: argparse.Namespace, path: Path) -> Any:
-    """Returns the page's server for `path`, bound to its address but not yet serving."""
+    """Returns the page's server for `path`. Its address is taken already, but it does not answer requests yet."""
     from activestereo.compare.model_file import library
     from activestereo.report.view.library import Library, is_capture, is_scene, pictures_capture
     from activestereo.report.view.routes import Routes
