@@ -53,7 +53,7 @@ def write_example_capture(
             image = _through_lens(dn.astype(np.float64), capture.rig.left.K, hidden)
             variance = _NOISE_FLOOR_DN2 + _NOISE_SLOPE_DN * np.maximum(image, 0.0) - ROUNDING_VARIANCE
             image += np.sqrt(variance) * random.standard_normal(image.shape)
-            if hidden == "gain_mismatch":  # an amplifier's, behind the noise
+            if hidden == "gain_mismatch":  # of an amplifier, which acts after the noise
                 image *= 1.0 + (0.5 if key[1] == "right" else -0.5) * HIDDEN[hidden][1]
             images[key] = np.clip(np.rint(image + _BLACK_DN), 0, 255).astype(np.uint8)
         write_capture(Path(folder), capture, images, read_gray(capture.rig.projector.pattern_path))

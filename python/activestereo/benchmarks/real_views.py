@@ -246,9 +246,9 @@ _MOST_UNEVEN = 0.15  # share of the mean; a patch that varies more has a texture
 def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str, float] | None:
     """Computes the STATISTICS of an infrared pair (DN) on a flat patch; None if the surface has a texture.
 
-    Fine structure is the image less its Gaussian blur of 6 px. The residual is the RMS of left less right at the true
-    disparity, divided by sqrt 2 and the dots' RMS. The side peak is the largest autocorrelation at lags from 4 to 30
-    px; it is 1 at lag 0."""
+    Fine structure is the image less its Gaussian blur of 6 px; dots' RMS is that of the fine structure. The residual is
+    the RMS of left less right at the true disparity, divided by sqrt 2 and the dots' RMS. The side peak is the largest
+    autocorrelation at lags from 4 to 30 px, relative to that at lag 0."""
     rows, columns = patch.place
     image = left[rows, columns].astype(np.float32)
     coarse = cv2.GaussianBlur(image, (0, 0), _BLUR_PX)
@@ -259,7 +259,7 @@ def statistics(left: Map, right: Map, patch: Patch, black_dn: float) -> dict[str
     v, u = np.mgrid[rows, columns].astype(np.float32)
     inside = np.s_[_BORDER_PX:-_BORDER_PX, _BORDER_PX:-_BORDER_PX]
     rest = np.inf
-    for step in np.arange(-0.4, 0.41, 0.1):  # the eyes' rows are a few tenths of a pixel apart
+    for step in np.arange(-0.4, 0.41, 0.1):  # the two cameras' rows differ by a few tenths of a pixel
         seen = cv2.remap(right.astype(np.float32), u - patch.disparity(), v + np.float32(step), cv2.INTER_CUBIC)
         other = seen - cv2.GaussianBlur(seen, (0, 0), _BLUR_PX)
         gain = fine[inside].std() / max(float(other[inside].std()), 1e-6)
@@ -374,8 +374,8 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
 
 
 def _correlation_px(residual: Map) -> float:
-    """Returns the lag in pixels at which the autocorrelation of a residual of disparity falls to 1/e, as a mean over
-    lags along rows and columns."""
+    """Returns the lag, in pixels, at which the autocorrelation of a disparity residual falls to 1/e; 12 if it does not.
+    Lags along rows and along columns count alike."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

@@ -127,8 +127,8 @@ class Rig:
 @dataclass(frozen=True)
 class Frame:
     """One exposure of the rig. camera_to_world: the left camera's pose at mid-exposure. left_path, right_path: None in
-    recordings of colour and depth alone. repeat_group: equal in frames that repeat one view. left_mask_path,
-    right_mask_path: images with 0 where the scene is unknown; None: all is known."""
+    recordings of colour and depth alone. repeat_group: a number that frames of the same view share, or None.
+    left_mask_path, right_mask_path: images with 0 where the scene is unknown; None: all is known."""
 
     id: int
     left_path: Path | None
@@ -293,7 +293,8 @@ def capture_from(root: JsonObject) -> Capture:
 
 
 def read_camera(entry: JsonObject, side: limits.Limits = limits.SIDE, needs_lens: bool = True) -> Camera:
-    """Reads a camera's width, height, K and distortion. side: the limits of width and height."""
+    """Reads a camera's width, height, K and distortion. side: limits of width and height. needs_lens: distortion must
+    be there; else, if it is missing, it is zero."""
     width, height = entry.integer("width", side), entry.integer("height", side)
     lens = entry.lens("distortion") if needs_lens or entry.has("distortion") else np.zeros(5)
     key = "cam_K" if entry.has("cam_K") and not entry.has("K") else "K"  # as BOP's files have it
@@ -394,8 +395,8 @@ def _pixels(rig: Rig) -> int:
 
 
 def binned(capture: Capture, size: int) -> Capture:
-    """Returns the capture with infrared images averaged over size x size pixels, and K and line time to match. The
-    device's depth is dropped, since it was matched on whole images. Raises CaptureError if too few pixels remain."""
+    """Returns the capture with infrared images averaged over size x size pixels, and K and line time to match. It has
+    no device depth, which was matched on whole images. Raises CaptureError if too few pixels remain."""
     if size == 1:
         return capture
     least = min(*capture.rig.left.size, *capture.rig.right.size)
@@ -415,8 +416,8 @@ def binned(capture: Capture, size: int) -> Capture:
 
 
 def unbinned(capture: Capture) -> Capture:
-    """Returns the whole capture from which binned() made this one, with the poses, focal lengths and projector of this
-    one, which may have been fitted since. A capture that is not binned is returned unchanged."""
+    """Returns the whole capture from which binned() made this one. It takes over this one's poses, focal lengths and
+    projector, which may have been fitted. A capture that is not binned is returned unchanged."""
     if capture.whole is None:
         return capture
     whole, rig = capture.whole, capture.rig

@@ -13,7 +13,7 @@ from activestereo.capture.images import write_gray
 from activestereo.common.input_files import read_bytes
 from activestereo.common.output_files import flat, new_folder, write_bytes, write_json, write_png, write_text
 
-# Fields of a frame that the file has under the same name.
+# Fields of Frame that have the same name in capture.json.
 _FRAME_FIELDS = (
     "gripper_to_base", "timestamp_s", "exposure_s", "gain", "projector_power", "ambient", "temperature_c",
     "camera_to_world", "camera_velocity", "repeat_group", "split",

@@ -121,8 +121,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
-    """Returns the commands to run next: check and use the found model, or diagnose again with the stub of an unknown
-    effect, or view the capture if there is neither."""
+    """Returns the commands to run next. They check and use the found model, or diagnose again with the stub of an
+    unknown effect. If there is neither, the command shows the capture."""
     own = [word for file in args.effects for word in ("--effects", file)]
     if diagnosis.stub:
         stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements `activestereo doctor`: checks which devices, packages and libraries work on this machine. It recognises
-known failures of a Vulkan set-up and names their remedies: a missing loader, driver, library or device, a container
-without graphics capability, and a render node without permission."""
+"""Implements `activestereo doctor`: checks which devices, packages and libraries work on this machine. It names
+remedies of a Vulkan set-up's known failures: a missing loader, driver, library or device, a container without graphics
+capability, and a render node without permission."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ _LIBRARY = r"(lib[\w+-]+?)\.so[\w.]*"
 
 @dataclass(frozen=True)
 class Problem:
-    """Describes one failure of the set-up. seen: the evidence; remedy: a command or advice that mends it."""
+    """A failure of the set-up. seen: the evidence for it. remedy: a command or advice that mends it."""
 
     name: str
     seen: str
@@ -163,8 +163,7 @@ class Problem:
 
 
 def problems(device_count: int) -> list[Problem]:
-    """Returns the failures of this machine's Vulkan set-up. device_count: the number of devices that the loader
-    lists."""
+    """Returns the failures of this machine's Vulkan set-up. device_count: how many devices the Vulkan loader lists."""
     if (fault := load_fault("libvulkan.so.1")) is not None:
         return [Problem("no loader", f"the Vulkan loader cannot be opened: {fault}", _LAVAPIPE)]
     manifests = driver_manifests()

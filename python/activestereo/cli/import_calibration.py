@@ -78,8 +78,8 @@ def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> Devi
 
 
 def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] | None) -> DeviceText | None:
-    """Returns given_device() for a recording that holds its own calibration. Raises CommandError if --k is given
-    too."""
+    """Returns given_device() for a recording that includes a calibration. Raises CommandError if --k or --k-right is
+    given."""
     if args.k is not None or args.k_right is not None:
         raise cli.CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
     return given_device(args, size)

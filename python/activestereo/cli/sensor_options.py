@@ -21,8 +21,8 @@ from activestereo.common.parameter import MATCHER, RIG, Parameter
 def add_options(
     group: argparse._ArgumentGroup, table: Sequence[Parameter], defaults: Mapping[str, Any] | None = None
 ) -> None:
-    """Adds one option for each parameter of `table`; an option that is not given is None. defaults: the command's own
-    default values by name, or words that describe them."""
+    """Adds one option for each parameter of `table`. The parsed value is None if the user does not give the option.
+    defaults: {name: default that the help shows}, a value or words; other parameters show the table's default."""
     for p in table:
         if not p.on_command_line:
             continue
@@ -97,8 +97,8 @@ def write_maps(folder: Path, maps: Mapping[str, np.ndarray]) -> None:
 
 
 def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns a text table of times in ms, given as {group: {stage: ms}}. Each group's sum stands first; stages below
-    0.1 % of the total are left out."""
+    """Returns a text table of times in ms. groups: {group: {stage: ms}}. A group's sum comes before its stages; stages
+    below 0.1 % of the total are left out."""
     total = sum(sum(stages.values()) for stages in groups.values())
     lines = [f"{'stage':32}{'time':>12}"]
     for group, stages in groups.items():

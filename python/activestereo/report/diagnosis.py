@@ -37,8 +37,8 @@ Split = Mapping[str, Any]
 
 
 def split_sentences(split: Split | None) -> list[str]:
-    """Returns sentences on the device's depth error, with model.json applied: its size, the causes of its square in
-    whole percents that sum to 100, and its size at each distance. split: diagnose.json's depth_split; None gives no
+    """Returns sentences on the device's depth error with model.json applied. They state its RMS, the causes of its
+    square in whole percents that sum to 100, and its RMS at each distance. split: diagnose.json's depth_split; None: no
     sentences."""
     if not split:
         return []
@@ -145,8 +145,8 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
 
 
 def _table(result: Mapping[str, Any]) -> list[str]:
-    """Returns text rows of the ranking: the first effects with a gain and the user's own, each with the effects it
-    cannot be told from."""
+    """Returns text rows of the ranking for the first effects with a gain, and for the user's own effects. A row names
+    the effects that the data cannot tell from this one."""
     own, told = result.get("own", {}), _told_rows(result, _SHOWN)
     lines = [f"{'':4}{'effect':26}{'family':20}{'nats':>12}{'explains':>10}"] if told else []
     for place, entry in told:

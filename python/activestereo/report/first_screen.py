@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the report's first screen as HTML: the verdict, measured and modelled pictures, the error against the number
-of added effects, and what to do next. It fits a window of 1280 x 720 pixels."""
+"""Writes the report's first screen as HTML: verdict, measured and modelled pictures, error against added effects, and
+next steps. It fits a window of 1280 x 720 pixels."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from activestereo.common.palette import BLUE, GRID, INK, MUTED, ORANGE
 from activestereo.report.lettering import escape_dollars
 
 _NO_DATA = "#15181c"
-_LEAST_SPAN_MM = 5.0  # least range of an error's colours, which else span nine in ten pixels
+_LEAST_SPAN_MM = 5.0  # least range of the error's colour scale, which otherwise spans nine in ten pixels
 _LONGEST_NAME = 17
 _PANEL_IN, _TITLE_IN, _BAR_IN = 4.0, 0.35, 0.6
 

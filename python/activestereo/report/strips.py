@@ -55,8 +55,8 @@ def parameter_words(strip: EffectStrip) -> str:
 
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
-    """Returns the upper ends of a strip's two colour scales: that of the pictures, in the strip's unit, and that of the
-    change, in shown_change()'s unit. Each is the 99.8 % quantile, at least 1e-6.
+    """Returns the upper ends of a strip's two colour scales, each the 99.8 % quantile and at least 1e-6. The first is
+    for the pictures, in the strip's unit; the second for the change, in shown_change()'s unit.
 
     A pixel that gains or loses its depth changes by its whole depth. Such pixels do not count for the change's scale,
     if the depth of any other pixel changes."""

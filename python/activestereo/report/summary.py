@@ -60,7 +60,7 @@ _LEAST_CONCENTRATION = 0.1
 # An error that depends on the time of few frames may as well come from the objects in those frames.
 _OF_FRAMES, _LEAST_FRAMES = ("time", "temperature"), 5
 _MOST_MATERIALS, _MOST_FAMILIES = 3, 4
-# A place that holds this share of the first place's error may be the true one.
+# A region with this share of the first region's gain may be the true place of the error.
 _ALIKE = 0.7
 # A mean error that changes its sign is reported if it makes this share of the error.
 _LEAST_TURN = 0.5
@@ -78,8 +78,8 @@ def is_near_noise(scores: Mapping[str, Any]) -> bool:
 
 
 def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
-    """Returns sentences, most important first: warnings, the kind of the infrared error and where it lies, how the
-    model's effects change the errors, and families of effects that cause such an error."""
+    """Returns sentences, most important first. They state warnings, the kind and the place of the infrared error, its
+    change by the model's effects, and the families of effects that cause such an error."""
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["channels"].get("infrared", {}).get("is_explainable", True):

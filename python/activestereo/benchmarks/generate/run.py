@@ -108,9 +108,10 @@ def ray_package() -> Any:
 
 @dataclass(frozen=True)
 class Done:
-    """The result of generate(). made: frames made now; there: frames of this part that existed before; missing: frames
-    of other parts that do not exist yet. Once all exist: unseen, things that no frame shows; measured, share of surface
-    pixels with a depth; invented, share of depths without a surface or off by more than 5 %."""
+    """The result of generate(). made: frames made now. there: frames of this part that existed before. missing: frames
+    of other parts that do not exist yet. The rest is known once all frames exist. unseen: things that no frame shows.
+    measured: share of surface pixels with a depth. invented: share of depths without a surface or off by more than 5
+    %."""
 
     made: int
     there: int
@@ -125,13 +126,12 @@ def generate(
     settings: Settings, out: Path, count: int, workers: int, part: tuple[int, int] = (1, 1),
     progress: Callable[[float], object] | None = None, ray: tuple[str, int] | None = None,
 ) -> Done:  # fmt: skip
-    """Makes frames 0 to count - 1 in BOP's format under `out`, or part k of n of them.
+    """Makes frames 0 to count - 1 in BOP's format under `out`. part: (k, n) makes the k-th of n parts of them.
 
     Other parts may run at the same time, also on other machines that share the folder. The process that makes the last
-    frame writes the scenes' tables. ray: (address of a Ray cluster, processors of an actor there), used in place of
-    workers. USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames
-    of other settings, and ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call
-    continues the work."""
+    frame writes the scenes' tables. ray: (address of a Ray cluster, processors for each worker), replaces `workers`.
+    USD stages are first written to out/things as .glb. Raises ValueError if `out` has frames of other settings, and
+    ChildProcessError if workers are killed repeatedly. Finished frames stay, and the same call continues the work."""
     if settings.layout == "drop":
         physics()  # reports a missing package first
     if ray is not None:

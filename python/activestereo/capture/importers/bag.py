@@ -168,7 +168,7 @@ def read_color_depth_bag(
     own = content.lenses[depth_stream].K if K is None else K
     color, lens, assumed = None, content.lenses.get("Color"), []
     if depth_stream != "Aligned" and lens is not None:
-        # Without a transform colour stands in the depth camera's place.
+        # Without a transform, the colour camera has the depth camera's pose.
         to_depth = content.places.get(depth_stream, np.eye(4))
         depth_to_color = content.places.get("Color", to_depth) @ np.linalg.inv(to_depth)
         color = ColorCamera(lens.width, lens.height, lens.K, lens.distortion, depth_to_color)

@@ -85,8 +85,8 @@ def write_color_depth(
     scene: Path | None = None, progress: Callable[[float], None] | None = None,
 ) -> Capture:  # fmt: skip
     """Writes a recording as the capture `out`, which must not exist, and returns it. baseline_m, projector, pattern:
-    the preset's. scene: a glTF file in place of the recording's. Raises ValueError with the file if sizes differ, depth
-    has 8 bits or a file is damaged."""
+    the preset's, because such a recording has none. scene: a glTF file in place of the recording's. Raises ValueError
+    with the file if sizes differ, depth has 8 bits or a file is damaged."""
     width, height = image_size(recording.frames[0].depth, "Depth")
     camera, has_color = Camera(width, height, recording.K), any(entry.color is not None for entry in recording.frames)
     frames = tuple(

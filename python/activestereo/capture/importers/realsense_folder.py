@@ -67,9 +67,9 @@ class FrameFiles:
 
 
 def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
-    """Lists a folder's frames that have both cameras' images, view by view in order of time. A subfolder with both
-    cameras is a view of its own, such as walls/near and walls/far, or desk/on and desk/off. depth_word: word in the
-    names of the depth images to take, if there are several kinds; None: "depth". Raises ValueError without frames."""
+    """Lists a folder's frames that have both infrared images, view by view in order of time. A subfolder with images of
+    both cameras is a view, such as walls/near and walls/far, or desk/on and desk/off. depth_word: a word in the names
+    of the depth images to take, if there are several kinds; None: "depth". Raises ValueError without frames."""
     folder = Path(folder)
     streams = _STREAMS if depth_word is None else _STREAMS | {"depth": re.compile(re.escape(depth_word), re.I)}
     out = []
@@ -180,8 +180,8 @@ def import_realsense(
 
     files: from frame_files(). 16-bit images without pixels above 255 are stored with 8 bits. projector, pattern: the
     device's nominal ones. depth_scale: metres per unit of the depth images. scene: a glTF file, None for an empty one.
-    trajectory: (times [n] in seconds, camera poses [n, 4, 4]). exposures_s: of each frame, or one of all. robot: poses
-    of a gripper that carries the camera. Without a trajectory, frames of one folder (and one gripper pose) whose
+    trajectory: (times [n] in seconds, camera poses [n, 4, 4]). exposures_s: one for each frame, or one for all. robot:
+    poses of a gripper that carries the camera. Without a trajectory, frames of one folder (and one gripper pose) whose
     pictures agree become a repeat group."""
     size = image_size(files[0].files["left"], "Infrared 1")
     left, right = (device.intrinsic(_NAMES[side], *size) for side in ("left", "right"))

@@ -104,7 +104,7 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
         Frame(number, *pair, 0.0, config.ir_camera_exposure, np.eye(4), "train") for number, pair in enumerate(pairs)
     )
     nowhere = Projector(_NONE, np.eye(3), np.eye(4))
-    folders = (folder, *folder.absolute().parents[:2])  # a data set's file stands two levels up
+    folders = (folder, *folder.absolute().parents[:2])  # a data set has ir_cameras.json two levels up
     files = [folder / "camera.json", *(parent / "ir_cameras.json" for parent in folders)]
     if own := next((path for path in files if path.is_file()), None):
         root = JsonObject.read(own)

@@ -132,7 +132,7 @@ class Simulation:
             warnings.simplefilter("ignore", ModelCostWarning)
             sensor = StereoDepthSensor(config, self._scene, body_pose(exposure.camera_to_world), model=model)
         sensor.set_conditions(exposure.temperature_c, exposure.time_s)
-        if any(entry.effect.family == "motion" for entry in model.effects):  # else it stands still, as in the lab
+        if any(entry.effect.family == "motion" for entry in model.effects):  # else no motion, as in the lab
             sensor.set_velocity(exposure.twist[:3], exposure.twist[3:])
         return sensor
 

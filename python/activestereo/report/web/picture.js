@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of whole numbers back to values (see encoded_image() of page.py), and values to colours.
+// Decodes pictures of whole numbers into values (see encoded_image() of page.py), and values to colours.
 
 function loaded(address) {
   return new Promise((resolve, reject) => {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The strength of an effect: its slider puts other pictures into the strip, which all stand in the page.
+// The slider of an effect's strength: it shows other pictures in the strip. All of them are in the page.
 
 for (const strip of document.querySelectorAll("section.strip")) {
   const strengths = JSON.parse(strip.querySelector("script").textContent);

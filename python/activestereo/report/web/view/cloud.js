@@ -60,7 +60,7 @@ class Cloud {
     this.canvas.dataset[name] = String(points.length / 4);
   }
 
-  // Looks at the middle of these points from where the camera stood.
+  // Looks at the middle of these points from the left camera's position.
   aimAt(points) {
     const depths = points.filter((value, i) => i % 4 === 2).sort();
     this.centre = [0, 0, depths.length ? depths[depths.length >> 1] : 1];

@@ -2,7 +2,7 @@
 // The dots around the pointer, at pixel size: in the left image, and in the right one where the disparity says that they are.
 
 const DOTS_SIDE = 25;  // pixels of a crop
-const DOTS_SCALE = 12;  // of the canvas for a pixel
+const DOTS_SCALE = 12;  // canvas pixels for an image pixel
 
 function showDots(pictures, width, height, pointer, stops, high) {
   const texts = [];

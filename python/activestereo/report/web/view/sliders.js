@@ -13,7 +13,7 @@ class Panel {
     document.getElementById("reset").onclick = () => this.reset();
   }
 
-  // Before another entry is opened.
+  // Called before another entry is opened.
   hide() {
     document.getElementById("panel").hidden = true;
     this.frame = null;
