@@ -209,10 +209,10 @@ class StereoDepthSensor(SensorResults):
 
     def change(self, **changes: Any) -> None:
         """Changes those fields of the configuration that the matcher and the noise depend on. Setting ir_speckle_noise
-        removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError; nothing has changed
-        then."""
+        or ir_thermal_noise removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError;
+        nothing has changed then."""
         config = self.get_config()
-        if "ir_speckle_noise" in changes:
+        if not {"ir_speckle_noise", "ir_thermal_noise"}.isdisjoint(changes):
             config.ir_signal = None
         for name, value in changes.items():
             setattr(config, name, value)

@@ -191,6 +191,14 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     assert sensor.get_config().p1 == 5 and sensor.get_config().ir_speckle_noise == 0.0
 
 
+def test_either_factor_of_the_noise_takes_the_place_of_an_imager(small_config):
+    small_config.ir_signal = "d435"
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    sensor.change(ir_thermal_noise=3.0)
+    assert sensor.get_config().ir_signal is None
+    assert sensor.engine.parameters["adc_noise_dn"] == pytest.approx(0.75)
+
+
 def test_imagers_of_a_preset_see_the_same_light_with_their_own_noise(small_config):
     clean, noisy = deepcopy(small_config), deepcopy(small_config)
     clean.ir_speckle_noise = 0.0
