@@ -100,7 +100,7 @@ class AutoExposure:
         self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
     ) -> NDArray[np.float64]:
         """Makes one control step for each of n images and returns the new exposure x gain, seconds [n]. light_s: the
-        current values [n]. seen: [n, pixels] from _metered_counts()."""
+        current values [n]. seen: [n, pixels], DN above black per second of exposure x gain, from _metered_counts()."""
         counts = seen * light_s.astype(np.float32)[:, None]
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)

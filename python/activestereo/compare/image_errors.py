@@ -147,7 +147,9 @@ class ImageErrors:
 
 @dataclass(frozen=True)
 class BaseLight:
-    """The base model's light on all frames of a capture. halves: from render_halves(). mean: of both halves."""
+    """The base model's rendered light on all frames of a capture. halves: two renders with independent random numbers
+    and half of the samples each, from render_halves(). mean: their mean. views: {(frame id, side): View} of the
+    mean."""
 
     halves: Halves
     mean: LayersOfFrames

@@ -215,7 +215,8 @@ class Samples:
         return bool(self.excess.sum() > _SMALLEST_EXCESS * self.floor.sum())
 
     def group_sums(self, values: np.ndarray, code: np.ndarray | None = None, count: int = 0) -> np.ndarray:
-        """Returns sums of values [n] by group, [groups][1], or by group and code 1..count, [groups][count]."""
+        """Returns the sum of `values` [n] over each bootstrap group, [groups][1]. With `code`, the bin 0..count of each
+        pixel, it returns sums by group and bin 1..count, [groups][count]: bin 0 counts nowhere."""
         if code is None:
             return np.bincount(self.group, values, GROUPS)[:, None]
         sums = np.bincount(self.group * (count + 1) + code, values, GROUPS * (count + 1))

@@ -104,10 +104,11 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
 ) -> Evidence:
-    """Returns the Evidence of the train frames at the estimated poses. capture: with stated poses. render: returns a
-    capture's layers. model: the effects known already. memory: caches the geometry for later diagnoses. rendered_by:
-    all that determines the layers, for the cache key. near: the evidence to start from, found under another model. It
-    is returned itself if nothing must be rendered again."""
+    """Estimates the poses of views and projector under a model, renders there, and returns the Evidence of the train
+    frames. capture: states the poses to start from. render: returns a capture's layers. model: the effects known
+    already. memory: keeps the estimated poses, so that a later diagnosis skips the search. rendered_by: all that
+    determines the layers, for the key of `memory`. near: evidence under another model to start from. It is returned
+    unchanged if the estimated poses are its own."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:

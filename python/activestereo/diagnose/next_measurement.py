@@ -72,11 +72,15 @@ def _changed(
 
 
 def next_measurements(evidence: Evidence, members: Mapping[str, Solution | None], design: float) -> list[Advice]:
-    """Returns suggestions [{text, nats, separates, change}], best first; empty if no explanations compete.
+    """Returns suggestions for the next measurement, [{text, nats, separates, change}], best first.
+
+    nats: expected difference of log-likelihood for the pair of explanations `separates` that it tells apart least; None
+    for advice that is not computed. Without a known noise floor the only suggestion is to repeat views. Otherwise the
+    list is empty if fewer than two explanations compete. change: the settings to change, {"views": number of further
+    poses}, or None for other advice.
 
     members: {effect: its fit} for the effects that the recording cannot tell apart, likeliest first. A fit is None for
-    an effect of random draws, which cannot be predicted. design: the residuals' design effect. change: the settings to
-    change, {"views": number of further poses}, or None for other advice.
+    an effect of random draws, which cannot be predicted. design: the residuals' design effect.
     """
     if not evidence.has_floor:
         text = "repeat every static view at least twice: without repeats the noise floor is unknown"

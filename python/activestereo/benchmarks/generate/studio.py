@@ -199,9 +199,9 @@ def physics() -> tuple[Any, Any]:
 
 
 def drop(things: list[Thing], ranges: Ranges, random: np.random.Generator) -> Poses:
-    """Drops objects from a pile, turned at random, with MuJoCo's physics on their convex hulls. Returns {index: 4x4
-    from the file's axes to the world} once they rest. Objects that roll away are left out. Raises ImportError without
-    mujoco or trimesh."""
+    """Draws some of the objects at random (chosen()) and drops them, stacked and turned at random, with MuJoCo's
+    physics on their convex hulls. Returns {index in `things`: 4x4 from the file's axes to the world} once they rest.
+    Objects that roll away are left out. Raises ImportError without mujoco or trimesh."""
     mujoco, trimesh = physics()
     spread, order = ranges.draw("spread_m", random), chosen(things, ranges, random)
     spec = mujoco.MjSpec()

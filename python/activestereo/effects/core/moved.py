@@ -185,7 +185,8 @@ def _counted(dn: np.ndarray, view: View, inputs: _ViewInputs) -> np.ndarray:
 
 
 def _speckled(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    """Returns the light with its projector part multiplied by simsense's speckle."""
+    """Returns the light with its projector part multiplied by simsense's speckle, or unchanged if the inputs' speckle
+    is not the laser's."""
     if not inputs.speckle_of_laser:
         return light
     pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
