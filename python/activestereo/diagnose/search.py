@@ -194,16 +194,17 @@ class Search:
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
         # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
-        # those that lost to a name of their family are fitted beside it, from their first points if need be.
+        # those that lost to a name of their family are fitted beside it. One whose fit led nowhere begins a round.
         kin, before = {e.family for e in formulas}, self._rounds[-2:][0]
-        lost = {n: c for n, c in (before.candidates | found).items() if n in before.fits}
-        lost = {n: c for n, c in lost.items() if self._is_open(e := self._effect(n)) and e.family in kin}
-        is_over = max(by_line, by_draws) < floor and not lost
+        lost = [n for n in before.fits if self._is_open(e := self._effect(n)) and e.family in kin]
+        astray = [n for n in lost if before.fits[n].chi2 > before.chi2 and n in before.candidates]
+        is_over = max(by_line, by_draws) < floor and not astray
         if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
         likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
-        likely += [c for n, c in lost.items() if c not in likely]
+        again = {n: before.candidates[n] for n in astray} | {n: found[n] for n in lost if n in found}
+        likely += [c for c in again.values() if c not in likely]
         given = self._solution.model, self._solution.phi, likely, self._chi2, self._rendering, self._settings.workers
         fits = refits(self._fitter, self._scored, *given)
         now = self._rounds[-1] = replace(now, fits=fits)
