@@ -40,8 +40,6 @@ _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
-# Sharp steps of a search that goes on beside a named effect, which a view's move has hidden so far.
-_SHARP = 2
 # Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
 _PIXEL_SHARE, _SEED = 0.25, 13
 # Effects on this field of the engine are lenses that may be fitted along; the share of chi2 that one must remove.
@@ -153,7 +151,7 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
     """Searches the geometry, and returns the evidence rendered there. With blurs it makes one step per blur and a last
-    sharp step, else sharp steps alone. Blurred images reveal larger errors, but are used only if sharp images need a
+    sharp step, else two sharp steps. Blurred images reveal larger errors, but are used only if sharp images need a
     correction."""
 
     def again(geometry: Geometry) -> Evidence:
@@ -162,11 +160,10 @@ def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequen
 
     step = _step(evidence, model)
     if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
-        for sigma_px in blurs_px:
-            step = _step(evidence, model, sigma_px)
+        if not blurs_px:  # two sharp steps: a view's move has hidden the model's effect so far
             evidence = _moved(evidence, step.focal, step.twists, again)
-        for _ in range(1 if blurs_px else _SHARP):
-            step = _step(evidence, model)
+        for sigma_px in (*blurs_px, 0.0):
+            step = _step(evidence, model, sigma_px)
             evidence = _moved(evidence, step.focal, step.twists, again)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
