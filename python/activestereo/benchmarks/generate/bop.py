@@ -161,9 +161,8 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
         shape = {"width": eye.width, "height": eye.height, "cam_K": eye.k.ravel().tolist()}
         place = {"distortion": list(eye.distortion), "camera_to_rgb": eye.camera_to_rgb.ravel().tolist()}
         sides[f"ir_{side}"] = shape | place
-    baseline_m = config.focal_baseline_px_m / float(config.ir_intrinsic[0, 0])
     write_json(out / "ir_cameras.json", sides | {
-        "baseline_m": baseline_m, "depth_engine": depth_engine(config), "reasons": list(simsense.REASONS),
+        "baseline_m": config.baseline_m, "depth_engine": depth_engine(config), "reasons": list(simsense.REASONS),
     })  # fmt: skip
     models = {}
     for thing in things:
