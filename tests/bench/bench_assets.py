@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-
-ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply")
+from activestereo.scene_io import OWN_ENDINGS
 
 
 class Kept(logging.Handler):
@@ -90,7 +89,7 @@ def main():
         print(json.dumps(judge(arguments.folder)))
         return
     print("| file | verdict | ms | messages |\n|--|--|--|--|")
-    for path in sorted(p for p in arguments.folder.rglob("*") if p.suffix.lower() in ENDINGS):
+    for path in sorted(p for p in arguments.folder.rglob("*") if p.suffix.lower() in OWN_ENDINGS):
         row = judge_apart(path, arguments.limit)
         text = "; ".join(row["messages"]).replace("|", "\\|").replace(str(arguments.folder), "")
         print(f"| {path.relative_to(arguments.folder)} | {row['verdict']} | {row['ms']:.0f} | {text} |", flush=True)

@@ -9,13 +9,14 @@ from pathlib import Path
 from activestereo.cli import arguments as cli
 from activestereo.common.progress_bar import ProgressBar, duration
 from activestereo.report.screen import command, screen
+from activestereo.scene_io import OWN_ENDINGS
 
 FORMATS = ("lerobot", "mcap")
 
-_TEXT = """\
+_TEXT = f"""\
 Puts things on a table again and again, each time with other poses, lamps and another
 view, and takes pictures with a depth sensor. THING is a file of one thing:
-.gltf .glb .obj .dae .stl or .ply; .gltf and .glb have y up, the others z.
+{' '.join(OWN_ENDINGS)}; .gltf and .glb have y up, the others z.
 
 Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
 scene_camera.json, scene_gt.json, scene_gt_info.json), and beside it

@@ -26,6 +26,7 @@ from activestereo.common.progress_bar import ProgressBar
 from activestereo.common.shown import listed, printable
 from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
+from activestereo.scene_io import OWN_ENDINGS, USD_ENDINGS
 from activestereo.scene_io.staging import (
     ALL_SIDES,
     INFRARED_SHARES,
@@ -43,13 +44,13 @@ if TYPE_CHECKING:
     from activestereo.sensor.explain import LightShare
     from activestereo.sensor.sensor import StereoDepthSensor
 
-_TEXT = """\
+_TEXT = f"""\
 Puts a depth sensor into a scene and takes one frame: path-traced RGB picture and
 infrared pair with projected dots, imager noise, stereo matching, registration to
 the RGB camera.
 
-SCENE is .gltf .glb .obj .dae .stl or .ply, in metres, or .usd .usda .usdc .usdz
-(needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
+SCENE is a file in metres ({' '.join(OWN_ENDINGS)}), one of
+USD ({' '.join(USD_ENDINGS)}; needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
 first camera, at a capture's first view, at --camera-to-world, or before the scene, in a
 closed room inside. Lamps have the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 

@@ -19,8 +19,9 @@ from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.images import image_size, read_gray
 from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.common.pose import camera_to_camera
+from activestereo.scene_io import OWN_ENDINGS, USD_ENDINGS
 
-SCENE_ENDINGS = (".gltf", ".glb", ".obj", ".dae", ".stl", ".ply", ".usd", ".usda", ".usdc", ".usdz")
+_SCENE_ENDINGS = (*OWN_ENDINGS, *USD_ENDINGS)
 CAPTURE_FILE = "capture.json"
 # The deepest level that is searched, and the most entries that are listed.
 _DEEPEST, _MOST = 3, 500
@@ -41,7 +42,7 @@ class Library:
         self._one_at_a_time = threading.Lock()
         self.names = [str(path.relative_to(root)) for path in _entries(root)]
         if not self.names:
-            scenes = " ".join(SCENE_ENDINGS)
+            scenes = " ".join(_SCENE_ENDINGS)
             raise ValueError(f"{root}: holds neither a capture ({CAPTURE_FILE}) nor a scene ({scenes})")
 
     def source(self, name: Any) -> Any:
@@ -60,7 +61,7 @@ def is_capture(path: Path) -> bool:
 
 
 def is_scene(path: Path) -> bool:
-    return path.suffix.lower() in SCENE_ENDINGS and path.is_file()
+    return path.suffix.lower() in _SCENE_ENDINGS and path.is_file()
 
 
 def _is_entry(path: Path) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from activestereo.scene_io import USD_ENDINGS
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.usd import shapes, surfaces
 from activestereo.scene_io.usd.shapes import Stage, UsdError, cause, columns, open_stage
@@ -19,8 +20,6 @@ from activestereo.scene_io.usd.surfaces import Surfaces
 
 if TYPE_CHECKING:
     import kuafu
-
-_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Converted:
 
 
 def is_usd(path: str | PathLike[str]) -> bool:
-    return Path(path).suffix.lower() in _SUFFIXES
+    return Path(path).suffix.lower() in USD_ENDINGS
 
 
 def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = None) -> Converted:
