@@ -111,3 +111,11 @@ def source(library: str) -> str:
     """Returns <library>/src/api/api_table.cpp: the function pointers of that struct."""
     entries = "\n".join(f"    .{name} = {f.name}," for f, name in _entries(library))
     return SOURCE.format(library=library, entries=entries)
+
+
+def functions_of_handles(library: str) -> str:
+    """Returns a macro for tests/capi/every_function_test.cpp, which calls f(entry) for each function of the table whose
+    first argument is a handle."""
+    handle = re.compile(rf"{library}_\w+ \w+(,|$)")
+    calls = [f"f({name})" for f, name in _entries(library) if handle.match(f.parameters)]
+    return " \\\n  ".join([f"#define {library.upper()}_FUNCTIONS(f)", *calls]) + "\n"

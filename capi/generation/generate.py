@@ -61,6 +61,7 @@ def build_outputs(tables: Tables) -> dict[str, str]:
     return files | {
         "capi/device/struct_table.h": emit_abi.struct_table(tables, "ks"),
         "tests/capi/abi_layout_tables.c": emit_abi.layout_test(tables),
+        "tests/capi/functions_of_handles.h": "".join(map(emit_api_table.functions_of_handles, LIBRARIES)),
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),

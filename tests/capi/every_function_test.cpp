@@ -8,44 +8,14 @@
 #include <string>
 #include <type_traits>
 
+#include "capi/functions_of_handles.h"  // by capi/generation
 #include "capi/small_match.h"
 #include "capi/small_render.h"
 #include "kuafu/api.h"
 #include "simsense/api.h"
 
-// The entries of the tables whose first argument is a handle.
-// clang-format off
-#define KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
-  f(device_get_info) f(device_retain) f(device_release) f(device_copied_bytes) f(device_allocated_bytes) f(device_lend) \
-  f(buffer_create) f(buffer_import) f(buffer_export) f(buffer_map) f(buffer_write) f(buffer_read) f(buffer_retain) f(buffer_release)
-#define KUAFU_FUNCTIONS(f) \
-  KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
-  f(scene_create) f(scene_retain) f(scene_release) f(scene_load) f(scene_cancel_load) f(scene_get_summary) f(scene_next_frame) \
-  f(scene_add_mesh) f(scene_update_mesh) f(scene_remove_mesh) f(scene_add_texture) f(scene_set_texture) f(scene_remove_texture) \
-  f(scene_add_material) f(scene_set_material) f(scene_get_material) f(scene_remove_material) f(scene_material_name) \
-  f(scene_add_instance) f(scene_remove_instance) f(scene_instance_name) f(scene_set_instance_pose) f(scene_set_instance_poses) \
-  f(scene_set_instance_velocity) f(scene_set_instance_materials) f(scene_add_light) f(scene_set_light) f(scene_set_lights) \
-  f(scene_get_mesh) f(scene_get_texture) f(scene_get_instance) f(scene_get_light) f(scene_remove_light) f(scene_set_environment) f(scene_set_medium) f(scene_get_camera) \
-  f(scene_animate) f(scene_animation_duration) f(scene_animation_name) \
-  f(renderer_create) f(renderer_retain) f(renderer_release) f(renderer_render) f(renderer_submit) f(renderer_light_gbuffers) f(renderer_wait) f(renderer_cancel) \
-  f(renderer_get_summary) f(renderer_get_stage_times) f(renderer_export_timeline)
-#define SIMSENSE_FUNCTIONS(f) \
-  KS_DEVICE_AND_BUFFER_FUNCTIONS(f) \
-  f(engine_create) f(engine_set_parameters) f(engine_get_parameters) f(engine_set_signal) f(engine_get_signal) f(engine_retain) \
-  f(engine_release) f(engine_get_rectified) f(engine_compute) f(engine_submit) f(engine_wait) f(engine_wait_for) f(engine_cancel) \
-  f(engine_export_timeline) f(engine_get_stage_times)
-// clang-format on
-
 namespace ks::test {
 namespace {
-
-constexpr size_t kuafu_others = 5;     // version, last_error, device_enumerate, device_create, struct_init
-constexpr size_t simsense_others = 7;  // and signal_preset, signal_analogue
-#define KS_COUNT_ONE(entry) +1
-static_assert(offsetof(kuafu_api, version) + (kuafu_others KUAFU_FUNCTIONS(KS_COUNT_ONE)) * sizeof(void*) == sizeof(kuafu_api),
-              "a function of kuafu's is not tried here");
-static_assert(offsetof(simsense_api, version) + (simsense_others SIMSENSE_FUNCTIONS(KS_COUNT_ONE)) * sizeof(void*) == sizeof(simsense_api),
-              "a function of simsense's is not tried here");
 
 template <class T>
 T absurd() {
