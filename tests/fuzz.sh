@@ -17,7 +17,7 @@ mkdir -p "$tree/found"
 status=0
 for name in "${programs[@]}"; do
   seeds=()
-  for folder in "$root/tests/fuzz/corpus/$name" $([ "$name" = image ] && echo "$root/tests/kuafu/io/images"); do
+  for folder in {"$root","$tree"}"/tests/fuzz/corpus/$name" $([ "$name" = image ] && echo "$root/tests/kuafu/io/images"); do
     [ ! -d "$folder" ] || seeds+=("$folder")
   done
   echo "== $name, $seconds s"

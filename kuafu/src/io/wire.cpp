@@ -14,7 +14,6 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t first_word = 0x374d494bu;  // "KIM7"; grows with the format, which wire_test.cpp weighs
 constexpr uint32_t last_word = 0x21646e65u;
 
 // Each `transfer` lists the fields once, for both directions. The bindings name every field of the struct, so that one who adds a field
@@ -103,6 +102,41 @@ void transfer(Stream& s, T& t) requires std::is_same_v<std::remove_const_t<T>, R
   s.list(members, [&](auto& member) { s.plain(member.kind), s.plain(member.id), s.plain(member.node), s.plain(member.to_node); });
 }
 
+/// Counts the bytes of a record, with one element in each of its arrays and lists.
+class Weight {
+ public:
+  template <class T>
+  void plain(const T&) {
+    bytes_ += sizeof(T);
+  }
+  template <class T>
+  void array(const std::vector<T>&) {
+    bytes_ += sizeof(T);
+  }
+  void text(const std::string&) {}
+  void flag(bool) { ++bytes_; }
+  template <class T, class Each>
+  void list(const std::vector<T>&, Each&& each) {
+    T one;
+    each(one);
+  }
+  [[nodiscard]] uint32_t bytes() const { return bytes_; }
+
+ private:
+  uint32_t bytes_ = 0;
+};
+
+template <class... Records>
+uint32_t weight_of() {
+  Weight weight;
+  const auto add = [&](auto record) { transfer(weight, record); };
+  (add(Records()), ...);
+  return weight.bytes();
+}
+
+/// "IM" and how many bytes one record of each kind takes: a format that grows has another first word.
+uint32_t first_word() { return 0x4d49u | weight_of<Texture, Material, Mesh, Instance, Light, Camera, Rig>() << 16; }
+
 template <class T>
 const T& value_of(const T& entry) {
   return entry;
@@ -131,7 +165,7 @@ void read_table(Reader& r, Add&& add) {
 
 void write_answer(std::FILE* to, const Scene& scene, const std::vector<std::string>& warnings) {
   Writer w(to);
-  w.plain(first_word), w.plain(int32_t{KS_OK}), w.plain(uint64_t{warnings.size()});
+  w.plain(first_word()), w.plain(int32_t{KS_OK}), w.plain(uint64_t{warnings.size()});
   for (const std::string& warning : warnings) w.text(warning);
   write_table(w, scene.textures());
   write_table(w, scene.materials());
@@ -147,7 +181,7 @@ void write_answer(std::FILE* to, const Scene& scene, const std::vector<std::stri
 
 void write_failure(std::FILE* to, int status, const std::string& text) {
   Writer w(to);
-  w.plain(first_word), w.plain(int32_t{status}), w.text(text);
+  w.plain(first_word()), w.plain(int32_t{status}), w.text(text);
   std::fflush(to);
 }
 
@@ -156,7 +190,7 @@ ImportAnswer read_answer(const std::function<void(void*, size_t)>& read, uint64_
   uint32_t word = 0;
   int32_t status = KS_OK;
   r.plain(word);
-  if (word != first_word) ks::fail(KS_ERROR_FILE, "the program that reads it is of another version than the library: install both again");
+  if (word != first_word()) ks::fail(KS_ERROR_FILE, "the program that reads it is of another version than the library: install both again");
   r.plain(status);
   if (status != KS_OK) {
     std::string text;

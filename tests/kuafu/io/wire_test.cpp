@@ -170,12 +170,19 @@ TEST(Wire, ASceneArrivesAsItWasSent) {
   EXPECT_EQ(scene.cameras()[0].near_m, 0.25);
 }
 
-// A library refuses a helper of another version by the first word alone. Who adds a field to a record changes these bytes, then the word in
-// wire.cpp, and last this number and the answers that tests/fuzz keeps.
-TEST(Wire, AFormatThatGrewHasANewFirstWord) {
-  const std::vector<char> bytes = sent(small_scene(), {});
-  EXPECT_EQ(std::string(bytes.data(), 4), "KIM7");
-  EXPECT_EQ(bytes.size(), 1260u);
+// A library refuses a helper of another version by the first word alone: it holds the weight of one record of each kind.
+TEST(Wire, AFormatThatGrowsHasANewFirstWord) {
+  const Scene scene = small_scene();
+  Scene more = small_scene();
+  more.add_material(scene.materials()[0]);
+  more.add_light(scene.lights()[0]);
+  more.add_camera(scene.cameras()[0]);
+  const std::vector<char> bytes = sent(scene, {});
+  const size_t names = 3 * (sizeof(uint64_t) + 1), fields = sent(more, {}).size() - bytes.size() - names;
+  uint16_t weight;
+  std::memcpy(&weight, &bytes[2], sizeof weight);
+  EXPECT_EQ(std::string(bytes.data(), 2), "IM");
+  EXPECT_GT(weight, fields);
 }
 
 TEST(Wire, AnOldHelperIsTold) {
