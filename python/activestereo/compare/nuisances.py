@@ -51,12 +51,12 @@ class Fit:
     at_bound: tuple[str, ...] = ()
 
 
-def regressors(frame: Frame, light: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def regressors(frame: Frame, light: Any) -> np.ndarray:
     """Returns the derivatives of the expected DN, without clipping, by projector scale, ambient scale and black level,
-    each [height][width]. light: Layers or a Light."""
+    float64 [3][height][width]. light: Layers or a Light."""
     projector, ambient = scales(frame)
     images = light.projector.astype(np.float64) * projector, light.ambient.astype(np.float64) * ambient
-    return *images, np.ones(light.ambient.shape)
+    return np.stack([*images, np.ones(light.ambient.shape)])
 
 
 def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -72,9 +72,7 @@ def slopes(image: Callable[..., np.ndarray], nuisances: np.ndarray) -> tuple[np.
 
 def predict(frame: Frame, light: Any, nuisances: Nuisances, max_dn: float) -> np.ndarray:
     """Returns the expected image, DN before rounding, float64 [height][width], clipped to 0..max_dn."""
-    columns = regressors(frame, light)
-    value = sum(scale * column for scale, column in zip(nuisances.vector(), columns, strict=True))
-    return np.clip(value, 0.0, max_dn)
+    return np.clip(np.tensordot(nuisances.vector(), regressors(frame, light), 1), 0.0, max_dn)
 
 
 def fit_nuisances(
@@ -85,7 +83,7 @@ def fit_nuisances(
     if there is nothing to fit."""
 
     def straight(frame: Frame, light: Any, nuisances: np.ndarray | None) -> tuple[np.ndarray, float]:
-        return np.stack([column.ravel() for column in regressors(frame, light)]), 0.0
+        return regressors(frame, light).reshape(3, -1), 0.0
 
     return _fitted(observations, straight, max_dn, black_dn)
 

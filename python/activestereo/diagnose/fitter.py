@@ -208,9 +208,7 @@ class Fitter:
         return self.memory.once(fit_key(self._content(), space, *values), make)
 
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
-        known = self.nuisance_prior.black_dn
-        scales = nuisances.vector() if known is None else [*nuisances.vector()[:-1], known[0]]
-        return np.concatenate([scales, np.zeros(len(self.nuisance_prior.sigma))])
+        return np.concatenate([nuisances.vector(), np.zeros(len(self.nuisance_prior.sigma))])
 
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """Returns the light of every observation under the parameters theta."""
@@ -255,9 +253,13 @@ class Fitter:
         """Returns the distances of nuisances, from focal lengths on, from their prior means, in prior deviations."""
         return (phi[SCALES:] - self.nuisance_prior.value) / self.nuisance_prior.sigma
 
-    def linearise(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Sequence[Light]) -> Sums:
-        """Returns the normal equations at (theta, phi). Columns: theta, then phi."""
-        n_theta = len(theta)
+    def linearise(
+        self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, lights: Iterable[Light],
+        n_theta: int | None = None,
+    ) -> Sums:  # fmt: skip
+        """Returns the normal equations at (theta, phi). Columns: the first n_theta entries of theta (None: all), then
+        phi."""
+        n_theta = len(theta) if n_theta is None else n_theta
         sums = Sums.of_size(n_theta + len(phi), self._tiles)
         has_blocks = self._supersampled and n_theta > 0
         for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
@@ -322,17 +324,16 @@ class Fitter:
         self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, damping: float
     ) -> np.ndarray:
         """Returns the damped Gauss-Newton step in (theta, phi), from normal equations at (theta, phi)."""
-        pull = self.pull(phi, n_theta, space, theta)
-        gram, moment = sums.gram + np.diag(self.prior(n_theta, space)), sums.moment - pull
-        norm = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = gram / np.outer(norm, norm) + damping * np.eye(len(norm))
-        return np.linalg.lstsq(scaled, moment / norm, rcond=1e-10)[0] / norm
+        gram = sums.gram + np.diag(self.prior(n_theta, space))
+        damped = gram + damping * np.diag(np.diag(gram))
+        return inverse_normal_matrix(damped) @ (sums.moment - self.pull(phi, n_theta, space, theta))
 
     def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
         """Returns the gradient of the priors at (theta, phi): precision times offset."""
-        offset, black = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior.black_dn
-        scales = [*np.zeros(SCALES - 1), 0.0 if black is None else phi[SCALES - 1] - black[0]]
-        return self.prior(n_theta, space) * np.concatenate([offset, scales, phi[SCALES:] - self.nuisance_prior.value])
+        offset, known = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior
+        black_dn = 0.0 if known.black_dn is None else known.black_dn[0]
+        mean = np.concatenate([np.zeros(SCALES - 1), [black_dn], known.value])
+        return self.prior(n_theta, space) * np.concatenate([offset, phi - mean])
 
     def prior(self, n_theta: int, space: ParameterSpace) -> np.ndarray:
         """Returns the prior precisions of (theta, phi): weak for effects, 0 for scales, nuisance_prior's for the rest.
@@ -344,10 +345,7 @@ class Fitter:
 
     def nuisance_fit(self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray) -> tuple[np.ndarray, float]:
         """Refits phi at fixed theta by one linear step; returns (phi, chi2 of the linear model)."""
-        sums, model = Sums.of_size(len(phi), self._tiles), space.model(theta)
-        lights = (self.light(model, i) for i in range(len(self.observations)))
-        for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, 0):
-            sums.add(pixels, columns, residual, 0, phi, has_blocks=False)
+        sums = self.linearise(space, theta, phi, self.lights(space, theta), n_theta=0)
         step = self.solve(sums, phi, 0, space, theta, 1e-9)
         return phi + step, sums.total - 2.0 * step @ sums.moment + step @ sums.gram @ step
 
