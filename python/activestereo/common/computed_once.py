@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Provides a decorator for methods that compute once. Callers write parentheses, so a reader sees that work is done."""
+"""Provides a decorator for methods that compute once, and a base of classes that keep results by name. Callers write
+parentheses, so a reader sees that work is done."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, TypeVar
 
@@ -38,3 +39,22 @@ def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
         return known[name]
 
     return kept
+
+
+class Remembering:
+    """Keeps results by name in an object."""
+
+    @computed_once
+    def _memory(self) -> dict[Hashable, Any]:
+        return {}
+
+    def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
+        """Returns make(), computed the first time that this object is asked for `name`. Fits ask hundreds of times."""
+        known = self._memory()
+        if name not in known:
+            known[name] = make()
+        return known[name]
+
+    def forget(self) -> None:
+        """Drops all that is kept."""
+        self._memory().clear()

@@ -6,6 +6,7 @@ from heapq import nlargest
 
 import numpy as np
 
+import kuafu
 from activestereo.capture.capture import Frame
 from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import Parameter, Stage, StartImage, effect
@@ -19,7 +20,6 @@ from activestereo.effects.core.view import View
 # Lamps flicker at twice the mains' 50 or 60 Hz, which grids and generators keep to 2 %. A few frames would fit
 # other frequencies as well.
 _FREQUENCIES_HZ = np.arange(98.0, 122.5, 0.02)
-_FINE_STEPS = 50
 _LINE_TIMES_S = np.arange(0.0, 6.1e-5, 5e-6)
 _FLICKERS = 8
 
@@ -63,7 +63,9 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
     square.
     """
     total, square, product, level = 0.0, 0.0, 0.0, 0.0
-    waves = {len(strength): _row_waves(len(strength), line_time) for _, strength, _ in images}
+    heights = {len(strength) for _, strength, _ in images}
+    times = {height: line_time * (np.arange(height) - (height - 1) / 2) for height in heights}  # of rows
+    waves = {height: np.exp(2j * np.pi * np.outer(_FREQUENCIES_HZ, of_rows)) for height, of_rows in times.items()}
     for frame, strength, moment in images:
         rows, start = waves[len(strength)], np.exp(2j * np.pi * _FREQUENCIES_HZ * frame.timestamp_s)
         averaged = np.sinc(_FREQUENCIES_HZ * frame.exposure_s)
@@ -85,15 +87,6 @@ def _gains(images: list[_RowSums], line_time: float) -> tuple[np.ndarray, np.nda
     taken = np.minimum(mean / amplitude, 1.0)
     fall = taken * (2.0 - taken) * (sine * product.imag + cosine * product.real)
     return fall, np.minimum(amplitude / (mean + 1e-30), 1.0), np.arctan2(cosine, sine)
-
-
-def _row_waves(height: int, line_time: float) -> np.ndarray:
-    """Returns exp(2 pi i f t) of the rows' times t from the middle row, for each of _FREQUENCIES_HZ: [frequencies]
-    [height]. line_time: seconds a row. Multiplies waves of coarse and of fine steps of f, which is cheap."""
-    lag = 2j * np.pi * line_time * (np.arange(height) - (height - 1) / 2)
-    coarse = np.exp(np.outer(_FREQUENCIES_HZ[::_FINE_STEPS], lag))
-    fine = np.exp(np.outer(_FREQUENCIES_HZ[:_FINE_STEPS] - _FREQUENCIES_HZ[0], lag))
-    return (coarse[:, None] * fine).reshape(-1, height)[: len(_FREQUENCIES_HZ)]
 
 
 # Positions up to _REACH_M beside the rig's projector are tried, in steps of a dot's width as seen from the scene.
@@ -191,13 +184,10 @@ def external_light(
     if strength == 0.0:
         return
     is_sun = nearness_per_m < _SUN_PER_M
+    kind, name = ("directional", "sun") if is_sun else ("point", "lamp")
     place = lamp_pose(azimuth_rad, elevation_rad, 0.0 if is_sun else nearness_per_m)
-    intensity = np.pi * strength * inputs.ambient_radiance
-    if is_sun:
-        inputs.add_light(on_rig=False, kind="directional", name="sun", light_to_world=place, ir_intensity=intensity)
-    else:
-        intensity /= nearness_per_m**2
-        inputs.add_light(on_rig=False, kind="point", name="lamp", light_to_world=place, ir_intensity=intensity)
+    intensity = np.pi * strength * inputs.ambient_radiance / (1.0 if is_sun else nearness_per_m**2)
+    inputs.lights.append(kuafu.Light(kind=kind, name=name, light_to_world=place, ir_intensity=intensity))
 
 
 _UNIT_INTENSITY = Parameter(

@@ -35,7 +35,7 @@ class DotView:
 
     def __init__(self, view: View) -> None:
         self._view = view
-        self._pattern = Pattern(view.pattern)
+        self.pattern = Pattern(view.pattern)
         points = view.projector_points()
         self.z = points[..., 2]
         self.lit = (view.depth_m > 0) & (self.z > 0)
@@ -46,7 +46,7 @@ class DotView:
         """Returns the projector's dots as n selected pixels see them, arrays of [1][n]. Each pixel's footprint in the
         pattern is kept from the whole image."""
         some = copy(self)
-        some.__dict__ = {"_view": view, "_pattern": self._pattern}
+        some.__dict__ = {"_view": view, "pattern": self.pattern}
         for name in ("z", "lit", "u", "v", "box_u", "box_v"):
             setattr(some, name, getattr(self, name).ravel()[view.pick][None])
         return some
@@ -61,7 +61,7 @@ class DotView:
         return self.mean(self._view.pattern)
 
     def _known(self, pattern: np.ndarray) -> Pattern:
-        return self._pattern if pattern is self._view.pattern else Pattern(pattern)
+        return self.pattern if pattern is self._view.pattern else Pattern(pattern)
 
     def mean(self, pattern: np.ndarray, u: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
         """Returns [height][width]: the mean of a pattern image over each camera pixel's box. u, v: the boxes' centres
@@ -144,51 +144,41 @@ def glow(view: View, extinction_per_m: float, from_m: float) -> np.ndarray:
 
     Samples along a ray are evenly spaced in the angle at the projector, which takes 1 / distance^2 out of the integral
     (Kulla and Fajardo 2012, Importance sampling techniques for path tracing in participating media)."""
-    rows, columns, *_ = view.once("coarse rays", lambda: _coarse_rays(view))
     # A scan varies the extinction; the samples along the rays stay the same.
-    intensity, way, factor = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m, most=2)
+    rays = view.latest("beam", None, lambda: _along_rays(view, from_m), choice=from_m, most=2)
+    rows, columns, intensity, way, factor = rays
     coarse = (intensity * np.exp(-extinction_per_m * way)).mean(axis=0) * factor
-    for axis, kept in enumerate((rows, columns)):
-        place = np.interp(np.arange(view.shape[axis]), kept, np.arange(len(kept)))
-        before = np.minimum(place.astype(int), len(kept) - 2)
-        share = np.expand_dims(place - before, 1 - axis)
-        coarse = (1.0 - share) * coarse.take(before, axis) + share * coarse.take(before + 1, axis)
-    return coarse
+    places = (np.interp(np.arange(n), x, np.arange(len(x))) for n, x in zip(view.shape, (rows, columns), strict=True))
+    return map_coordinates(coarse, np.meshgrid(*places, indexing="ij"), order=1)
 
 
-def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns (intensity, path, factor) of samples along the coarse rays. intensity, path: [samples][rows][columns].
-    The path, in metres, leads from the projector to the sample and back along the ray to from_m. A ray's integral is
-    its factor [rows][columns] times the mean of its samples."""
-    _, _, ray, end, foot, aside = view.once("coarse rays", lambda: _coarse_rays(view))
-    first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
-    share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
-    along = foot + aside * np.tan(first + share * (last - first))
-    way = along - from_m + np.hypot(along - foot, aside)
-    return _intensity(view, along[..., None] * ray), way, np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
-
-
-def _coarse_rays(view: View) -> tuple[np.ndarray, ...]:
-    """Returns the rows and columns of a coarse grid of pixels. Then, for each pixel's ray: the unit direction, the
-    distance to the surface, the distance to the ray's point nearest to the projector, and the projector's distance from
-    that point. Distances are in metres."""
+def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, ...]:
+    """Returns (rows, columns, intensity, path, factor) of samples along the rays of a coarse grid of pixels. intensity,
+    path: [samples][rows][columns]. The path, in metres, leads from the projector to the sample and back along the ray
+    to from_m. A ray's integral is its factor [rows][columns] times the mean of its samples."""
     rows, columns = (np.append(np.arange(0, n - 1, _STEP_PX), n - 1) for n in view.shape)
     x, y = (image[np.ix_(rows, columns)] for image in view.rays())
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1)
     length = np.linalg.norm(ray, axis=-1)
     ray /= length[..., None]
     depth = view.depth_m[np.ix_(rows, columns)]
+    end = np.where(depth > 0, depth * length, _FAR_M)
+    # The ray's point nearest to the projector, and the projector's distance from it.
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
     foot = ray @ source
     aside = np.maximum(np.linalg.norm(source - foot[..., None] * ray, axis=-1), _LEAST_ASIDE_M)
-    return rows, columns, ray, np.where(depth > 0, depth * length, _FAR_M), foot, aside
+    first, last = np.arctan((from_m - foot) / aside), np.arctan((end - foot) / aside)
+    share = ((np.arange(_PLACES) + 0.5) / _PLACES)[:, None, None]
+    along = foot + aside * np.tan(first + share * (last - first))
+    way = along - from_m + np.hypot(along - foot, aside)
+    factor = np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
+    return rows, columns, _intensity(view, along[..., None] * ray), way, factor
 
 
 def _intensity(view: View, points: np.ndarray) -> np.ndarray:
     """Returns the projector's relative intensity towards points [..., 3] in the camera's frame, smoothed over
     neighbouring dots. It is 0 beside and behind the projector."""
-    x, y, z = np.moveaxis(transform(view.camera_to_projector, points), -1, 0)
-    K, ahead = view.projector_K, np.where(z > 1e-6, z, 1.0)
-    u, v = (K[0, 0] * x + K[0, 1] * y) / ahead + K[0, 2], K[1, 1] * y / ahead + K[1, 2]
-    smooth = smooth_pattern(view.once("pattern", lambda: Pattern(view.pattern)), _DOTS_PX)
-    return np.where(z > 1e-6, map_coordinates(smooth, [v, u], order=1, mode="constant"), 0.0)
+    dots, points = DotView.of(view), transform(view.camera_to_projector, points)
+    u, v = dots.project(points)
+    seen = map_coordinates(smooth_pattern(dots.pattern, _DOTS_PX), [v, u], order=1, mode="constant")
+    return np.where(points[..., 2] > 0, seen, 0.0)

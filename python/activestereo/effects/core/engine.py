@@ -134,27 +134,23 @@ class EngineInputs:
         """Returns the lights that effects have added: first those on the rig, then those in the world."""
         return [*self.rig_lights, *self.lights]
 
-    def add_light(self, *, on_rig: bool, **fields: Any) -> None:
-        """Adds a light: if on_rig, it moves with the rig; otherwise it stands in the world. `fields` are
-        kuafu.Light's."""
-        (self.rig_lights if on_rig else self.lights).append(kuafu.Light(**fields))
-
     def add_unit(
         self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any
     ) -> None:
-        """Adds a second projector with the rig's pattern, on the rig or in the world. light_to_world: its pose [4][4].
-        intensity_m2: its radiant intensity over the ambient radiance, m^2. `fields`: more fields of kuafu.Light. Does
-        nothing at intensity 0, or if the rig has no projector."""
+        """Adds a second projector with the rig's pattern. If on_rig, it moves with the rig; otherwise it stands in the
+        world. light_to_world: its pose [4][4]. intensity_m2: its radiant intensity over the ambient radiance, m^2.
+        `fields`: more fields of kuafu.Light. Does nothing at intensity 0, or if the rig has no projector."""
         own = self.projector
         if own is None or intensity_m2 == 0.0:
             return
-        self.add_light(
-            on_rig=on_rig, kind="projector", name=name, k=own.k, light_to_world=light_to_world,
+        unit = kuafu.Light(
+            kind="projector", name=name, k=own.k, light_to_world=light_to_world,
             ir_intensity=intensity_m2 * self.ambient_radiance,
             pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
             pattern_height=own.pattern_height,
             dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background, **fields,
         )  # fmt: skip
+        (self.rig_lights if on_rig else self.lights).append(unit)
 
     def dim_pattern(self, gain: PatternGain) -> None:
         """Multiplies the projector's pattern image by gain(x, y). x, y: tangents of each pixel's angles to the

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
 import kuafu
-from activestereo.common.lens import to_pixels
 from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.descriptor import StartImage
+from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.engine import angles, axes, towards
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import Pattern, disc_sampler
+from activestereo.effects.core.resample import disc_sampler
 from activestereo.effects.core.room_unit import SeenPoints
 from activestereo.effects.core.shading import Facing, reflectance_of
 from activestereo.effects.core.view import View, transform
@@ -61,13 +61,11 @@ def radiance_under(added: kuafu.Light, to_camera: np.ndarray, light: Light, view
 
 def _dots(facing: Facing, to_camera: np.ndarray, view: View) -> np.ndarray:
     """Returns the rig's pattern as another projector casts it on each pixel's surface point, [height][width]."""
-    sharp = view.once("sharp pattern", lambda: disc_sampler(Pattern(view.pattern), 0.0))
-    x, y, z = np.moveaxis(transform(np.linalg.inv(to_camera), facing.points), -1, 0)
-    ahead, K = np.where(z > 0, z, np.inf), view.projector_K
-    u, v = to_pixels(x / ahead, y / ahead, K)
+    own, points = DotView.of(view), transform(np.linalg.inv(to_camera), facing.points)
     # The pattern's mean over a camera pixel, a box by the ratio of the focal lengths.
-    dots = sharp(u, v, *(np.full(u.shape, K[i, i] / view.K[i, i]) for i in (0, 1)))
-    return np.where((z > 0) & facing.hit, dots, 0.0)
+    box = (np.full(view.shape, view.projector_K[i, i] / view.K[i, i]) for i in (0, 1))
+    dots = disc_sampler(own.pattern, 0.0)(*own.project(points), *box)
+    return np.where((points[..., 2] > 0) & facing.hit, dots, 0.0)
 
 
 def _lit(view: View, way: np.ndarray) -> np.ndarray:

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from activestereo.common.computed_once import Remembering
 from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample
 from activestereo.effects.core.view import Layers, View, once_of_picked
 
@@ -20,7 +21,7 @@ _PROJECTOR, _AMBIENT = ("direct", "indirect"), ("ambient",)
 
 
 @dataclass(frozen=True)
-class Light:
+class Light(Remembering):
     """Radiance [height][width] under projector power 1 and ambient radiance 1, averaged over each pixel's square.
 
     direct: projector light off the first surface. indirect: the rest of the projector's light. ambient: all other
@@ -71,8 +72,8 @@ class Light:
         if len(names) == 1:
             return getattr(self, names[0])
         if self._later is None or any(name in self.__dict__ for name in names):
-            return self._once(("sum", names), lambda: sum(getattr(self, name) for name in names))
-        return self._once(("sum", names), partial(self._later.image, names))
+            return self.once(("sum", names), lambda: sum(getattr(self, name) for name in names))
+        return self.once(("sum", names), partial(self._later.image, names))
 
     def seen(self, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Returns (projector light, ambient light) of the selected pixels, float64 [n] each. pick: flat indices of the
@@ -83,7 +84,7 @@ class Light:
         at = later.at
         # A fit asks for the same pixels again: for its slopes, and for other frames of this light.
         seen: tuple[np.ndarray, np.ndarray] = once_of_picked(
-            self._once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
+            self.once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
         )
         return seen
 
@@ -92,7 +93,7 @@ class Light:
         at = self._later and self._later.at
         image = lambda name: at((name,), pick) if at else getattr(self, name).ravel()[pick]  # noqa: E731
         some: Light = once_of_picked(
-            self._once("at", list), pick, lambda: Light.of_images([image(name)[None] for name in _NAMES])
+            self.once("at", list), pick, lambda: Light.of_images([image(name)[None] for name in _NAMES])
         )
         return some
 
@@ -123,7 +124,7 @@ class Light:
         separately.
         """
         fine = self.supersampled
-        spline = lambda names: self._once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
+        spline = lambda names: self.once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
 
         def at(names: tuple[str, ...], pick: np.ndarray | slice) -> np.ndarray:
             if fine is None:
@@ -151,7 +152,7 @@ class Light:
             before = self.rendered(names)
             return bool(np.abs(self.sum_of(names) - before).max() > _UNCHANGED * before.max())
 
-        return self._once(("changed", names), changed)
+        return self.once(("changed", names), changed)
 
     def rendered(self, names: tuple[str, ...]) -> np.ndarray:
         """Returns the sum of the named images as rendered: means of the supersampled images over the pixels,
@@ -168,12 +169,6 @@ class Light:
         SupersampledImages, such as blurred() and shifted_sum(); without supersampled images it gets the pixels at scale
         1."""
         return _Later(self, lambda images: act(SupersampledImages(images, 1, 0)).images(), act).light()
-
-    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        memory = self.__dict__.setdefault("_memory", {})
-        if key not in memory:
-            memory[key] = make()
-        return memory[key]
 
     def scale_projector(self, gain: float | np.ndarray) -> Light:
         """Returns the light with the projector's direct light times `gain`, a number or an image. Bounced light gets

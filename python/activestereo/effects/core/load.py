@@ -115,20 +115,18 @@ def _run(function: Any, name: str, randomness: Randomness, value: Any, view: Vie
     images = value.images if isinstance(value, Light) else value
     images = np.ascontiguousarray(images, dtype=np.float64)
     out = np.empty_like(images)
-    record, kept = _view(view, name, randomness)
+    record = _view(view, name, randomness)
     numbers = (c.c_double * len(parameters))(*parameters)
     doubles = c.POINTER(c.c_double)
     planes = images.size // (view.shape[0] * view.shape[1])
     status = function(c.byref(record), numbers, planes, images.ctypes.data_as(doubles), out.ctypes.data_as(doubles))
-    del kept
     if status != 0:
         raise ValueError(f"{name}: the plug-in gave status {status}")
     return Light.of_images(out, value.supersampled) if isinstance(value, Light) else out
 
 
-def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any, ...]]:
-    """Converts a View to its C record. Returns (record, the arrays to which the record points); keep the arrays as long
-    as the record."""
+def _view(view: View, name: str, randomness: Randomness) -> records.View:
+    """Converts a View to its C record."""
     frame = view.frame
     depth = np.ascontiguousarray(view.depth_m, dtype=np.float64)
     normal = np.ascontiguousarray(view.normal, dtype=np.float64)
@@ -146,7 +144,8 @@ def _view(view: View, name: str, randomness: Randomness) -> tuple[Any, tuple[Any
         depth_m=depth.ctypes.data, normal=normal.ctypes.data, pattern=pattern.ctypes.data,
         pattern_width=pattern.shape[1], pattern_height=pattern.shape[0],
     )  # fmt: skip
-    return record, (depth, normal, pattern)
+    record.kept = depth, normal, pattern  # it points to them
+    return record
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:

@@ -10,13 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
-from scipy.ndimage import convolve1d, gaussian_filter, map_coordinates, spline_filter
+from scipy.ndimage import convolve1d, gaussian_filter, map_coordinates, spline_filter, zoom
 from scipy.special import ive
 
-from activestereo.common.computed_once import computed_once
+from activestereo.common.computed_once import Remembering, computed_once
 
 # Most uniform blurs from which a varying blur is mixed, at equal steps and at equal ratios of variance.
 _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
@@ -24,9 +25,6 @@ _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 _REACH = 4.0
 # Narrower blurs are ignored: in pixels, and as a share of the widest blur of an image.
 _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
-# The least margin around a pattern for its convolution, per side.
-_LEAST_ROOM_PX = 8
-
 
 # Pairs (shift, weight).
 _Taps = Sequence[tuple[float, float]]
@@ -70,9 +68,8 @@ class Spline:
             kernel = np.zeros(2 * reach + 1)
             for shift, weight in taps:
                 x = np.abs(np.arange(-reach, reach + 1.0) + shift)
-                kernel += weight * np.where(
-                    x < 1.0, 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0
-                )
+                near, far = 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0
+                kernel += weight * np.where(x < 1.0, near, far)
             out = convolve1d(out, kernel, axis, mode="mirror")
         return np.clip(out, self._low, self._high)
 
@@ -119,6 +116,12 @@ def _place(x: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     x = np.minimum(np.maximum(x, 0.0), size)
     i = np.minimum(x.astype(np.intp), size - 1)
     return i, x - i
+
+
+def means_of_squares(images: np.ndarray, size: int, dtype: Any) -> np.ndarray:
+    """Returns the means [..., height / size][width / size] over squares of size x size pixels, summed in `dtype`."""
+    rows = np.add.reduce([images[..., k::size, :] for k in range(size)], dtype=dtype)
+    return np.add.reduce([rows[..., k::size] for k in range(size)], dtype=dtype) / np.dtype(dtype).type(size**2)
 
 
 def blur(images: np.ndarray, sigma_px: float | np.ndarray) -> np.ndarray:
@@ -246,20 +249,13 @@ def disc_sampler(pattern: Pattern, diameter_px: float) -> BoxSampler:
     inside = (offsets[:, None] ** 2 + offsets[None] ** 2 <= radius**2).astype(np.float64)
     stamp = inside.reshape(size, fine, size, fine).sum(axis=(1, 3))
     height, width = pattern.image.shape
-    # A few sizes serve all stamps, so that the pattern's transform is computed once for each.
-    room = 2 * max(_LEAST_ROOM_PX, 1 << (reach - 1).bit_length())
-    shape = tuple(next_fast_len(size + room, real=True) for size in pattern.image.shape)
-    full = irfft2(_spectrum(pattern, shape) * rfft2((stamp / stamp.sum()).astype(np.float32), shape), shape)
+    shape = [next_fast_len(n + size, real=True) for n in (height, width)]
+    full = irfft2(rfft2(pattern.image, shape) * rfft2((stamp / stamp.sum()).astype(np.float32), shape), shape)
     return BoxSampler(full[reach : reach + height, reach : reach + width])
 
 
-@lru_cache(maxsize=4)
-def _spectrum(pattern: Pattern, shape: tuple[int, int]) -> np.ndarray:
-    return rfft2(pattern.image, shape)
-
-
 @dataclass(frozen=True)
-class SupersampledImages:
+class SupersampledImages(Remembering):
     """Images that have `scale` samples per camera pixel along each axis, and extend margin_px camera pixels beyond the
     frame.
 
@@ -275,11 +271,9 @@ class SupersampledImages:
     @computed_once
     def pixels(self) -> np.ndarray:
         """Returns the means over the camera pixels' squares, float64 [n][height][width]."""
-        s, edge = self.scale, self.margin_px * self.scale
-        images = self.images()
+        images, edge = self.images(), self.margin_px * self.scale
         inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
-        rows = np.add.reduce([inside[:, k::s] for k in range(s)], dtype=np.float64)
-        return np.add.reduce([rows[:, :, k::s] for k in range(s)]) / s**2
+        return means_of_squares(inside, self.scale, np.float64)
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
@@ -288,10 +282,11 @@ class SupersampledImages:
         return _LaterSupersampled(self, lambda images: images._warped(u, v), lambda images: images.means_at(u, v))
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        height, width = u.shape
-        columns, rows = self._positions(width), self._positions(height)[:, None]
-        moved_u, moved_v = u - np.arange(width), v - np.arange(height)[:, None]
-        return self.at(columns + self._refined(moved_u), rows + self._refined(moved_v))
+        row, column = np.ogrid[: u.shape[0], : u.shape[1]]
+        right, down = self._refined(u - column), self._refined(v - row)
+        row, column = np.ogrid[: down.shape[0], : down.shape[1]]
+        u, v = column + self.scale * right, row + self.scale * down
+        return np.stack([spline(u, v) for spline in self._splines()])
 
     def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
         """Returns the images after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
@@ -304,11 +299,6 @@ class SupersampledImages:
         u, v = ([(self.scale * shift, weight) for shift, weight in taps] for taps in (along_u, along_v))
         return _LaterSupersampled(self, lambda images: np.stack([s.shifted_sum(u, v) for s in images._splines()]))
 
-    def at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Returns the values at camera pixel positions (u, v) of any shape, float32 [n][...]."""
-        u, v = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (u, v))
-        return np.stack([spline(u, v) for spline in self._splines()])
-
     def means_at(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Returns means over squares of one camera pixel's size, centred at camera pixel positions (u, v) of any shape.
         The result is float32 [n][...]."""
@@ -317,19 +307,13 @@ class SupersampledImages:
 
     def sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         """Returns a SupersampledImages with one image: the sum of the images at these indices."""
-        known = self._sums()
-        if indices not in known:
-            known[indices] = self._sum_of(indices)
-        return known[indices]
+        some: SupersampledImages = self.once(indices, lambda: self._sum_of(indices))
+        return some
 
     def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
         images = self.images()
         image = images[indices[0]] if len(indices) == 1 else images[list(indices)].sum(axis=0)
         return SupersampledImages(image[None], self.scale, self.margin_px)
-
-    @computed_once
-    def _sums(self) -> dict[tuple[int, ...], SupersampledImages]:
-        return {}
 
     @computed_once
     def _splines(self) -> list[Spline]:
@@ -351,17 +335,7 @@ class SupersampledImages:
         frame, the border's value counts."""
         if self.scale == 1 and self.margin_px == 0:
             return image
-        for axis, size in enumerate(image.shape):
-            at = np.clip(self._positions(size), 0.0, size - 1.0)
-            low = np.minimum(at.astype(np.intp), max(size - 2, 0))
-            share = np.expand_dims(at - low, 1 - axis)
-            before, after = image.take(low, axis), image.take(np.minimum(low + 1, size - 1), axis)
-            image = before + share * (after - before)
-        return image
-
-    def _positions(self, size: int) -> np.ndarray:
-        """Returns the pixel coordinates of the samples along an axis of `size` camera pixels."""
-        return (np.arange((size + 2 * self.margin_px) * self.scale) + 0.5) / self.scale - 0.5 - self.margin_px
+        return zoom(np.pad(image, self.margin_px, "edge"), self.scale, order=1, mode="nearest", grid_mode=True)
 
 
 class _LaterSupersampled(SupersampledImages):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, Frame
-from activestereo.common.computed_once import computed_once
+from activestereo.common.computed_once import Remembering
 from activestereo.common.lens import to_pixels, to_tangents
 from activestereo.effects.core.resample import SupersampledImages
 
@@ -82,7 +82,7 @@ class Layers:
 
 
 @dataclass(frozen=True)
-class View:
+class View(Remembering):
     """One camera of one frame. Arrays are [height][width]. K: intrinsics [3][3]. depth_m: z, 0 = no surface. normal:
     [height][width][3], unit, camera coordinates. pattern: relative radiant intensity 0..1. a_to_b: maps coordinates in
     a to those in b. distortion: of the nominal camera, see activestereo/common/lens.py. material: number in the scene
@@ -149,22 +149,6 @@ class View:
         """Returns kelvins above the reference temperature of 25 C; 0 where the temperature is not known."""
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
-    @computed_once
-    def _memory(self) -> dict[Hashable, Any]:
-        return {}
-
-    def forget(self) -> None:
-        """Drops all that once() and latest() keep."""
-        self._memory().clear()
-
-    def once(self, name: Hashable, make: Callable[[], Any]) -> Any:
-        """Returns make(), computed the first time that this view is asked for `name`. Fits use one view hundreds of
-        times."""
-        known = self._memory()
-        if name not in known:
-            known[name] = make()
-        return known[name]
-
     def latest(
         self, name: Hashable, light: Any, make: Callable[[], Any], choice: Hashable = None, most: int = 1
     ) -> Any:
@@ -210,8 +194,14 @@ class View:
 
     def at(self, pick: np.ndarray) -> PickedView:
         """Returns a view of the selected pixels alone, as an image [1][n]. pick: flat indices of the pixels."""
-        known = self.once("picked", list)
-        some: PickedView = once_of_picked(known, pick, lambda: PickedView.of_pixels(self, pick))
+        images = ("depth_m", "material", "ambient_bounced", "known")
+
+        def picked() -> PickedView:
+            own = {one.name: getattr(self, one.name) for one in fields(View)}
+            own |= {name: own[name].ravel()[pick][None] for name in images if own[name] is not None}
+            return PickedView(**own | {"normal": self.normal.reshape(-1, 3)[pick][None]}, whole=self, pick=pick)
+
+        some: PickedView = once_of_picked(self.once("picked", list), pick, picked)
         return some
 
     def rng(self, name: str, per: str = "sensor") -> np.random.Generator:
@@ -232,13 +222,6 @@ class PickedView(View):
 
     whole: View = field(kw_only=True)
     pick: np.ndarray = field(kw_only=True)
-
-    @classmethod
-    def of_pixels(cls, whole: View, pick: np.ndarray) -> PickedView:
-        own = {one.name: getattr(whole, one.name) for one in fields(View)}
-        images = ("depth_m", "material", "ambient_bounced", "known")
-        own |= {name: own[name].ravel()[pick][None] for name in images if own[name] is not None}
-        return cls(**own | {"normal": whole.normal.reshape(-1, 3)[pick][None]}, whole=whole, pick=pick)
 
     def pixels(self) -> tuple[np.ndarray, np.ndarray]:
         return self._pick_pair(self.whole.pixels())

@@ -23,6 +23,7 @@ from scipy.ndimage import map_coordinates
 import kuafu
 from activestereo.common.lens import to_tangents, with_finer_pixels
 from activestereo.common.progress_bar import Progress
+from activestereo.effects.core.resample import means_of_squares
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.effects.engines.layers import RenderRequest, request_key
@@ -90,11 +91,9 @@ def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
 
 
 def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
-    """Returns the means over squares x squares pixels."""
+    """Returns the means over squares x squares pixels; the border's value goes on beyond it."""
     rows, columns = (-n % squares for n in image.shape)
-    image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
-    down = np.add.reduce([image[k::squares] for k in range(squares)])
-    return np.add.reduce([down[:, k::squares] for k in range(squares)]) / np.float32(squares**2)
+    return means_of_squares(np.pad(image, ((0, rows), (0, columns)), mode="edge"), squares, np.float32)
 
 
 def bounced_light(
@@ -170,9 +169,7 @@ def matt_layers(
     bounces = WIDE**2 * BOUNCED_SHARE * min(1.0, LARGE_PIXELS / pixels)
     bounces *= float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
     few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
-    room = None
-    if world.has_room_light:
-        room = world.room_light(request.cameras, spp, seed=seed)
+    room = world.room_light(request.cameras, spp, seed=seed) if world.has_room_light else None
     even = LIGHT[2:] if room is None else ()
     with world.lit([(copy_record(request.projector), request.pattern)]):
         surfaces = SURFACE + LIGHT[1:2] + even
@@ -191,7 +188,7 @@ def matt_layers(
         if room is None:
             indirect, ambient, direct_sky = spread
         else:
-            [indirect], ambient, direct_sky = spread, sky[i, ..., 0], sky[i, ..., 0]
+            [indirect], ambient, direct_sky = spread, room[i, ..., 0], room[i, ..., 0]
         direct, flat = first.light[i]
         depth_m, normal, material = (first.seen[name][i].copy() for name in SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)

@@ -58,11 +58,8 @@ class SceneMeasurement:
             set_surface(inputs.material(number), values)
         for number, factor in self.albedo.items():
             material = inputs.material(number)
-            if (
-                material.ir_albedo is None
-                and material.ir_albedo_texture is None
-                and material.base_color_texture is None
-            ):
+            textures = material.ir_albedo_texture, material.base_color_texture
+            if material.ir_albedo is None and textures == (None, None):
                 material.ir_albedo = material.base_color[0]
             if material.ir_albedo is None:
                 red, green, blue, alpha = material.base_color

@@ -8,7 +8,6 @@ import hashlib
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -48,15 +47,6 @@ from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, ha
 _ADDED_GROUP = 1
 # The number of renders that are remembered.
 _KEPT = 3
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    """One rig pose to render, with its engine inputs, and the frames that share its images. Each frame has inputs of
-    its own, whose projector power may differ."""
-
-    inputs: EngineInputs
-    frames: list[tuple[Frame, EngineInputs]]
 
 
 class CaptureRenderer:
@@ -143,19 +133,20 @@ class CaptureRenderer:
         """Returns {(frame id, side): Layers} of the frames, all by default. Frames that differ only in exposure, power
         or gain share their images. All poses with the same materials and medium are one render. half: 0 or 1, one of
         two independent halves of the samples (smooth.py); None: all samples."""
-        jobs: dict[tuple, _Job] = {}
+        poses: dict[tuple, list[tuple[Frame, EngineInputs]]] = {}
         for frame, inputs in self.inputs(capture, model, frames, scene_measurement):
-            jobs.setdefault(_job_key(inputs), _Job(inputs, [])).frames.append((frame, inputs))
-        worlds: dict[tuple, list[_Job]] = {}
-        for job in jobs.values():
-            worlds.setdefault(world_key(job.inputs), []).append(job)
+            poses.setdefault(_pose_key(inputs), []).append((frame, inputs))
+        worlds: dict[tuple, list[list[tuple[Frame, EngineInputs]]]] = {}
+        for at_pose in poses.values():
+            worlds.setdefault(world_key(at_pose[0][1]), []).append(at_pose)
         out: dict[ImageKey, Layers] = {}
         for done, group in enumerate(worlds.values()):
             share = part_of(progress, done / len(worlds), (done + 1) / len(worlds))
-            for job, sides in zip(group, self._images(capture.scene_path, group, share, half), strict=True):
+            images = self._images(capture.scene_path, [at_pose[0][1] for at_pose in group], share, half)
+            for at_pose, sides in zip(group, images, strict=True):
                 out |= {
                     (frame.id, side): _side_light(view, own)
-                    for frame, own in job.frames
+                    for frame, own in at_pose
                     for side, view in zip(SIDES, sides, strict=True)
                 }
         return out
@@ -174,7 +165,7 @@ class CaptureRenderer:
         powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
         settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
-        return hashlib.sha256(repr((settings, powers, [_job_key(i) for i in inputs])).encode()).hexdigest()
+        return hashlib.sha256(repr((settings, powers, [_pose_key(i) for i in inputs])).encode()).hexdigest()
 
     def expected(
         self, capture: Capture, model: Model, nuisances: Nuisances, scene_measurement: SceneMeasurement | None = None
@@ -192,65 +183,66 @@ class CaptureRenderer:
     # ---- inside ----
 
     def _images(
-        self, scene_path: Path, jobs: list[_Job], progress: Progress | None, half: int | None
+        self, scene_path: Path, poses: list[EngineInputs], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        """Returns the rendered images, {output: image}, by job and side: [job][side]. The latest renders are kept, for
-        changes that leave all rays as they are."""
-        key = (half, *(_job_key(job.inputs) for job in jobs))
+        """Returns the rendered images, {output: image}, by pose and side: [pose][side]. The latest renders are kept,
+        for changes that leave all rays as they are."""
+        key = (half, *map(_pose_key, poses))
         with self._loaded(scene_path) as world:
             if key not in self._kept:
-                with changed_world(world.scene, jobs[0].inputs):
-                    self._kept[key] = self._render_world(world, jobs, progress, half)
+                with changed_world(world.scene, poses[0]):
+                    self._kept[key] = self._render_world(world, poses, progress, half)
                 while len(self._kept) > _KEPT:
                     self._kept.pop(next(iter(self._kept)))
             return self._kept[key]
 
     def _render_world(
-        self, world: LoadedScene, jobs: list[_Job], progress: Progress | None, half: int | None
+        self, world: LoadedScene, poses: list[EngineInputs], progress: Progress | None, half: int | None
     ) -> list[list[dict[str, NDArray]]]:
-        images = self._render(world, jobs, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
-        if any(light.kind == "projector" for job in jobs for light in job.inputs.added_lights):
+        images = self._render(world, poses, LIGHT + GEOMETRY, own=True, progress=progress, half=half)
+        if any(light.kind == "projector" for inputs in poses for light in inputs.added_lights):
             # All projectors share one pair of outputs. Added ones count as ambient light, so they need a second render.
-            others = self._render(world, jobs, LIGHT[:2], own=False, progress=None, half=half)
+            others = self._render(world, poses, LIGHT[:2], own=False, progress=None, half=half)
             images["added"] = images["added"] + others["projector_direct"]
             images["added_indirect"] = others["projector_indirect"]
-        views = world.views(images, [side.camera for job in jobs for side in job.inputs.sides])
+        views = world.views(images, [side.camera for inputs in poses for side in inputs.sides])
         return [views[k : k + len(SIDES)] for k in range(0, len(views), len(SIDES))]
 
     def _render(
         self,
         world: LoadedScene,
-        jobs: list[_Job],
+        poses: list[EngineInputs],
         outputs: tuple[str, ...],
         own: bool,
         progress: Progress | None,
         half: int | None,
     ) -> dict[str, NDArray]:
-        """Renders all jobs in one call and returns {output: [camera][height][width][channels]}. own=True: lit by the
+        """Renders all poses in one call and returns {output: [camera][height][width][channels]}. own=True: lit by the
         rig's projector at 1 W/sr and the added lamps; False: lit by the added projectors alone. half: see lights()."""
         lights: list[tuple[kuafu.Light, NDArray | None]] = []
-        has_lamps = own and any(light.kind != "projector" for job in jobs for light in job.inputs.added_lights)
+        has_lamps = own and any(light.kind != "projector" for inputs in poses for light in inputs.added_lights)
         group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
-        # Each environment is the lights of one moment: (job, seconds after its time), shared by cameras.
-        moments = list(dict.fromkeys((job, side.delay_s) for job in jobs for side in job.inputs.sides))
-        for environment, (job, delay_s) in enumerate(moments):
-            for light in _lights(job.inputs, own, delay_s):
+        # Each environment is the lights of one moment: (pose, seconds after its time), shared by cameras.
+        moment_of = [(number, side.delay_s) for number, inputs in enumerate(poses) for side in inputs.sides]
+        moments = list(dict.fromkeys(moment_of))
+        for environment, (number, delay_s) in enumerate(moments):
+            for light in _lights(poses[number], own, delay_s):
                 light.environment, light.light_group = environment, _ADDED_GROUP
-                lights.append((light, job.inputs.pattern if light.kind == "projector" else None))
+                lights.append((light, poses[number].pattern if light.kind == "projector" else None))
         samples, seed = self.samples_per_pixel, self.seed
         if half is not None:
             samples, seed = half_samples(samples), half_seeds(seed)[half]
-        sides = [(moments.index((job, side.delay_s)), side) for job in jobs for side in job.inputs.sides]
+        sides = [side for inputs in poses for side in inputs.sides]
         with world.lit(lights):
             images = world.images(
-                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for _, side in sides],
+                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for side in sides],
                 outputs + group,
                 samples,
                 self.max_bounces,
                 progress,
-                keeps_surfaces=all(keeps_surfaces(job.inputs) for job in jobs),
-                environments=[n for n, _ in sides],
-                optics=[side.optics for _, side in sides],
+                keeps_surfaces=all(map(keeps_surfaces, poses)),
+                environments=list(map(moments.index, moment_of)),
+                optics=[side.optics for side in sides],
                 seed=seed,
             )
         images["added"] = images.pop(*group) if has_lamps else np.zeros_like(images[outputs[0]])
@@ -263,16 +255,14 @@ class CaptureRenderer:
 def _lights(inputs: EngineInputs, own: bool, delay_s: float) -> list[kuafu.Light]:
     """Returns copies of the lights of one render pass, which `own` selects as in _render(). Lights on the rig are moved
     to their pose at delay_s. The rig's projector has 1 W/sr; its power scales the images afterwards."""
-    on_rig = [
-        *([copy_record(inputs.projector, ir_intensity=1.0)] if own and inputs.projector is not None else []),
-        *inputs.rig_lights,
-    ]
-    lights = [copy_light(light, delay_s) for light in on_rig] + [copy_light(light) for light in inputs.lights]
-    first = 1 if own and inputs.projector is not None else 0
-    return lights[:first] + [light for light in lights[first:] if (light.kind == "projector") != own]
+    added = [copy_light(light, delay_s) for light in inputs.rig_lights] + [copy_light(light) for light in inputs.lights]
+    lights = [light for light in added if (light.kind == "projector") != own]
+    if own and inputs.projector is not None:
+        lights.insert(0, copy_light(copy_record(inputs.projector, ir_intensity=1.0), delay_s))
+    return lights
 
 
-def _job_key(inputs: EngineInputs) -> tuple:
+def _pose_key(inputs: EngineInputs) -> tuple:
     """Returns a key that is equal for poses with equal images. It leaves out the projector's power, which scales them
     afterwards."""
     sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)

@@ -13,7 +13,7 @@ import numpy as np
 import kuafu
 from activestereo.capture.capture import Capture, Frame, Rig
 from activestereo.common.input_files import read_bytes, read_json
-from activestereo.common.lens import lens_fields
+from activestereo.common.lens import lens_fields, with_finer_pixels
 from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.capture_inputs import copy_record, record_key
@@ -53,36 +53,27 @@ class Sampling:
 
     def camera(self, camera: kuafu.Camera) -> kuafu.Camera:
         """Returns the camera that renders the finer, wider image of this camera."""
-        if self.scale == 1 and self.margin_px == 0:
-            return camera
-        shift = self.margin_px + 0.5
-        to_fine = np.array(
-            [[self.scale, 0, self.scale * shift - 0.5], [0, self.scale, self.scale * shift - 0.5], [0, 0, 1.0]]
-        )
         width, height = ((size + 2 * self.margin_px) * self.scale for size in (camera.width, camera.height))
-        return copy_record(camera, width=width, height=height, k=to_fine @ camera.k)
+        k = with_finer_pixels(camera.k, self.scale)
+        k[:2, 2] += self.margin_px * self.scale
+        return copy_record(camera, width=width, height=height, k=k)
 
     def pixel_layers(self, layers: Layers) -> Layers:
         """Reduces the Layers rendered with camera() to the camera's pixels."""
         images = np.stack([layers.direct, layers.indirect, layers.ambient, layers.flat])
         supersampled = SupersampledImages(images, self.scale, self.margin_px)
-        sky = None if layers.ambient_direct is None else replace(supersampled, samples=layers.ambient_direct[None])
         direct, indirect, ambient, flat = (image.astype(np.float32) for image in supersampled.pixels())
+        sky = None if layers.ambient_direct is None else replace(supersampled, samples=layers.ambient_direct[None])
         ambient_direct = None if sky is None else sky.pixels()[0].astype(np.float32)
-        # Depth, normal and material at a pixel come from the nearest sample; on smooth surfaces depth is interpolated.
-        row, column = np.indices(direct.shape, dtype=np.float64)
-        at = ((x + self.margin_px + 0.5) * self.scale - 0.5 for x in (row, column))
-        exact = [np.clip(x, 0, size - 1.001) for x, size in zip(at, layers.depth_m.shape, strict=True)]
-        (v, u), (dv, du) = zip(*((x.astype(int), x - x.astype(int)) for x in exact), strict=True)
-        corners = np.stack(
-            [layers.depth_m[v, u], layers.depth_m[v, u + 1], layers.depth_m[v + 1, u], layers.depth_m[v + 1, u + 1]]
-        )
-        mean = (1 - dv) * ((1 - du) * corners[0] + du * corners[1]) + dv * ((1 - du) * corners[2] + du * corners[3])
-        near_v, near_u = v + (dv > 0.5), u + (du > 0.5)
-        nearest = layers.depth_m[near_v, near_u]
+        # Normal and material at a pixel come from a sample at its centre. Where the scale is even, four samples meet
+        # there; on smooth surfaces depth is their mean.
+        first, steps = self.margin_px * self.scale + (self.scale - 1) // 2, range(2 - self.scale % 2)
+        rows, columns = (first + self.scale * np.arange(size) for size in direct.shape)
+        corners = np.stack([layers.depth_m[np.ix_(rows + down, columns + right)] for down in steps for right in steps])
         smooth = corners.max(axis=0) - corners.min(axis=0) < _SMOOTH_SHARE * corners.min(axis=0)
-        depth_m = np.where(smooth, mean, nearest).astype(np.float32)
-        surfaces = depth_m, layers.normal[near_v, near_u], layers.material[near_v, near_u]
+        depth_m = np.where(smooth, corners.mean(axis=0, dtype=np.float64), corners[0]).astype(np.float32)
+        at = np.ix_(rows, columns)
+        surfaces = depth_m, layers.normal[at], layers.material[at]
         return Layers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled)
 
 
