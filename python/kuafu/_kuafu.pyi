@@ -535,9 +535,10 @@ class Scene:
         time_s: float | None = None,
         name: str | PathLike[str] | None = None,
     ) -> None:
-        """Appends a .gltf, .glb, .obj, .dae, .stl or .ply file. root_to_world: 4x4. time_s: animate(time_s) then, else
-        what is animated stands as it does without animation. name: what messages call the file, for a copy of the
-        user's. activestereo.load_scene_file loads USD, too. Raises FileError, or MissingFileError where there is none."""
+        """Appends a scene file, with an ending of activestereo.scene_io.OWN_ENDINGS. root_to_world: 4x4. time_s:
+        animate(time_s) then, else what is animated stands as it does without animation. name: what messages call the
+        file, for a copy of the user's. activestereo.load_scene_file loads USD, too. Raises FileError, or
+        MissingFileError where there is none."""
     def animate(self, time_s: float, animation: int | None = None) -> None:
         """Poses what glTF files animate (nodes with their instances, lights and cameras, skins, morph targets) as it is
         at time_s; what the animation does not move stands as without it. animation: below summary.animation_count;

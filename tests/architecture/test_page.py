@@ -120,10 +120,19 @@ def test_no_file_imports_itself_through_others():
     graphlib.TopologicalSorter(IMPORTS).prepare()  # CycleError names the circle
 
 
+def places(name: str) -> list[str]:
+    """The paths of a name such as `a/{b,c}.h`; of one with a <new> part, the folder that it goes into."""
+    if "<" in name:
+        return [name.partition("<")[0].rpartition("/")[0]]
+    before, brace, rest = name.partition("{")
+    inner, _, after = rest.partition("}")
+    return [path for part in inner.split(",") for path in places(before + part + after)] if brace else [name]
+
+
 def test_recipes_name_what_exists():
     recipes = PAGE[PAGE.index("## Recipes") :]
-    names = re.findall(r"`([\w./]+/[\w./]*\w)`", recipes)
-    assert names
+    names = [path for name in re.findall(r"`([\w.{][\w./{},<>-]*/[\w./{},<>-]+)`", recipes) for path in places(name)]
+    assert len(names) > 200 and places("a/{b,c/d}.h") == ["a/b.h", "a/c/d.h"] and places("a/b/<c>.h") == ["a/b"]
     assert not [name for name in names if not any((base / name).exists() for base in (ROOT, PACKAGE))]
 
 

@@ -104,7 +104,7 @@ KUAFU_API void kuafu_scene_retain(kuafu_scene scene);
 KUAFU_API void kuafu_scene_release(kuafu_scene scene);
 
 /* Adds the contents of a file to the scene: meshes, materials, textures, lights (KHR_lights_punctual) and cameras of .gltf and .glb files; meshes and
- * materials of .obj, .dae, .stl and .ply files. root_to_world is a row-major 4x4 transform that is applied to every node; NULL is the identity. An error
+ * materials of all other formats. root_to_world is a row-major 4x4 transform that is applied to every node; NULL is the identity. An error
  * names the file and the field, and the scene is then unchanged. Contents that the renderer ignores, such as unknown extensions, are reported to the
  * device's log as a warning. A light's candela and lux are divided by 683 lm/W; its extras may have ir_intensity and ir_share (kuafu_light_desc). kuafu/import/README.md says what of each format is read. A glTF
  * material may have further fields in its extras (kuafu_material_desc). name is what messages call the file, for a copy of the user's; NULL is path. Nodes, skins and morph targets stand as they do without animation, until
