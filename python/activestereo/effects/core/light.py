@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from activestereo.common.computed_once import Remembering
-from activestereo.effects.core.resample import Spline, SupersampledImages, blur, sample
+from activestereo.effects.core.resample import Spline, SupersampledImages, blur, interpolated
 from activestereo.effects.core.view import Layers, View, once_of_picked
 
 # Smaller relative changes are rounding of the rendered float32 images.
@@ -135,9 +135,9 @@ class Light(Remembering):
 
         later = _Later(
             self,
-            lambda images: sample(images, u, v),
+            lambda images: np.stack([Spline(image)(u, v) for image in images]),
             of_supersampled=lambda images: images.warped(u, v),
-            of_gain=lambda gain: sample(gain, u, v, order=1),
+            of_gain=lambda gain: interpolated(gain, u, v),
             whole=(lambda names: spline(names)(u, v)) if fine is None else None,
             at=at,
             size=u.size,

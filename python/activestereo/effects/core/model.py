@@ -55,10 +55,6 @@ class Model:
         """Returns the pairs (Effect, {parameter: value}) that act up to the lens, in the order of the pipeline."""
         return self._select(Stage.PROJECTOR, Stage.OPTICS, random)
 
-    def outside_engines(self) -> Model:
-        """Returns a model of the effects that the engines do not simulate."""
-        return Model(tuple((e, p) for e, p in self.effects if not e.is_simulated(p)))
-
     @property
     def is_linear(self) -> bool:
         """Returns whether no deterministic effect acts between the lens and the digital numbers. signal() is then

@@ -34,7 +34,7 @@ from activestereo.effects.core.dots import DotView, through_medium
 from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs, PatternGain
 from activestereo.effects.core.lamp import radiance_under
 from activestereo.effects.core.light import Light
-from activestereo.effects.core.resample import sample
+from activestereo.effects.core.resample import interpolated
 from activestereo.effects.core.shading import reflected
 from activestereo.effects.core.surfaces import on_surfaces
 from activestereo.effects.core.view import PickedView, View, drawn_by, transform
@@ -60,7 +60,7 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     moved = light.warped(u, v)
     # 2. The projector's irradiance on each surface point at the row's time, over that at mid-exposure.
     source = np.linalg.inv(view.camera_to_projector)[:3, 3]
-    normal_mid = np.moveaxis(sample(np.moveaxis(view.normal, -1, 0), u, v, order=1), 0, -1)
+    normal_mid = np.moveaxis(interpolated(np.moveaxis(view.normal, -1, 0), u, v), 0, -1)
     normal_then = normal_mid @ then_to_mid[:, :3, :3]
     after, before = (
         np.maximum((normal * (source - points)).sum(-1), 0.0) / np.linalg.norm(source - points, axis=-1) ** 3
@@ -89,7 +89,7 @@ def _source_pixels(view: View, then_to_mid: np.ndarray) -> tuple[np.ndarray, np.
         then = view.points(depth)
         mid = then @ np.swapaxes(rotation, -1, -2) + shift
         u, v = view.to_pixels(mid[..., 0] / mid[..., 2], mid[..., 1] / mid[..., 2])
-        depth_there = sample(depth_mid, u, v, order=1)
+        depth_there = interpolated(depth_mid, u, v)
         depth = depth * depth_there / mid[..., 2]
     return u, v, then, mid
 

@@ -30,18 +30,12 @@ _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
 _Taps = Sequence[tuple[float, float]]
 
 
-def sample(images: np.ndarray, u: np.ndarray, v: np.ndarray, order: int = 3) -> np.ndarray:
-    """Returns values of images [..., height][width] at pixel positions (u, v). order 3: cubic spline, mirrored beyond
-    the border; 1: linear, with the border's value beyond it."""
-    height, width = images.shape[-2:]
-    stack = images.reshape(-1, height, width)
-    out = np.empty((len(stack), *u.shape))
-    for i, image in enumerate(stack):
-        if order == 3:
-            out[i] = Spline(image)(u, v)
-        else:
-            map_coordinates(image, [v, u], out[i], order=order, mode="nearest", prefilter=False)
-    return out.reshape(*images.shape[:-2], *u.shape)
+def interpolated(images: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Returns values of images [..., height][width] at pixel positions (u, v), linearly interpolated; beyond the
+    border, the border's value."""
+    stack = images.reshape(-1, *images.shape[-2:])
+    out = [map_coordinates(image, [v, u], np.float64, order=1, mode="nearest", prefilter=False) for image in stack]
+    return np.stack(out).reshape(*images.shape[:-2], *u.shape)
 
 
 class Spline:

@@ -172,7 +172,7 @@ class CaptureRenderer:
     ) -> dict[ImageKey, NDArray[np.float32]]:
         """Returns {(frame id, side): expected DN [height][width]} of all frames. Raises ValueError for an effect on
         light that no engine field expresses: compare() applies these."""
-        if outside := [effect.id for effect, _ in model.outside_engines().on_light()]:
+        if outside := [e.id for e, values in model.on_light() if not e.is_simulated(values)]:
             raise ValueError(f"{', '.join(outside)}: no engine field expresses it; compare() applies image functions")
         frames, out = {frame.id: frame for frame in capture.frames}, {}
         for (number, side), light in self.lights(capture, model, None, scene_measurement).items():
