@@ -89,7 +89,8 @@ def checks(struct: Struct, copied: bool = False) -> list[str]:
 
 
 def simsense_fields_h(tables: Tables) -> str:
-    """Returns simsense/src/parameters/fields.h: declarations of the fields' checks and of the copy for the matcher."""
+    """Returns simsense/src/parameters/fields.h: declares the fields' checks, the copy for the matcher and whether an
+    imager has noise."""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
     note = "Checks of every field by itself; what two fields mean together is checked where it matters."
     body = [
@@ -99,6 +100,8 @@ def simsense_fields_h(tables: Tables) -> str:
         *(f"void check_fields(const {s.name}& s, const std::string& owner);" for s in both),
         "/// The matcher's part, which keeps its names.",
         "MatchFields match_fields(const simsense_parameters& s);",
+        "/// Whether any noise term of the imager is above 0.",
+        "bool has_noise(const simsense_signal& s);",
     ]
     includes = ["once", "", "<string>", "", '"parameters/match_fields.h"', '"simsense/simsense.h"']
     return cpp_file(banner(*both, note=note), includes, body, "simsense")
@@ -149,9 +152,11 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
 
 
 def simsense_fields_cpp(tables: Tables) -> str:
-    """Returns simsense/src/parameters/fields.cpp: the fields' checks and the copy for the matcher."""
+    """Returns simsense/src/parameters/fields.cpp: what fields.h declares."""
     both = [tables.structs["simsense_parameters"], tables.structs["simsense_signal"]]
     body = [*check_functions(both), "", "MatchFields match_fields(const simsense_parameters& s) {", "  MatchFields m;"]
     body += [f"  m.{f.name} = s.{f.name};" for f in both[0].fields if f.match]
     includes = ['"parameters/fields.h"', "", "<array>", "<cmath>", "", '"device/field_check.h"']
-    return cpp_file(banner(*both), includes, [*body, "  return m;", "}"], "simsense")
+    noise = " || ".join(f"s.{f.name} > 0" for f in both[1].fields if f.noise)
+    body += ["  return m;", "}", "", f"bool has_noise(const simsense_signal& s) {{ return {noise}; }}"]
+    return cpp_file(banner(*both), includes, body, "simsense")

@@ -206,7 +206,8 @@ def _row(f: Field) -> str:
     row = {"name": f.name, "kind": _kind(f), "default": _default(f), "unit": f.unit, "possible": range_text(f)}
     row |= {"range": [None if math.isinf(v) else v for v in _range(f) or ()], "allowed": f.allowed}
     row |= {"or_zero": f.zero_means is not None, "choices": list(f.values), "pair": f.pair, "short": f.short}
-    row |= {"one": f.one, "on_command_line": None if f.option else False, "doc": python_words(f.doc)}
+    row |= {"one": f.one, "on_command_line": None if f.option else False, "is_noise": f.noise or None}
+    row |= {"doc": python_words(f.doc)}
     return json.dumps({key: value for key, value in row.items() if key == "default" or value not in ("", (), [], None)
                        and (key != "or_zero" or value)}, ensure_ascii=False)  # fmt: skip
 

@@ -63,6 +63,7 @@ class Field:
     one: str = ""  # the word for a single one of the bits
     match: bool = False  # copied into the matcher's parameters
     kernel: bool = False  # a constant of the matcher's shaders
+    noise: bool = False  # a noise term of the imager, where it is above 0
     python: bool = True
     shader: bool = False  # part of the record that shaders read
     extras: bool = False  # read from a glTF material's extras

@@ -26,6 +26,7 @@ class Parameter:
     short: str = ""  # its other name in Python and on the command line
     one: str = ""  # name of one entry of a tuple
     on_command_line: bool = True
+    is_noise: bool = False  # a noise term of the imager
     pair: str = ""  # this and the next parameter are also the width and height of the option --<pair> WxH
     doc: str = ""
 

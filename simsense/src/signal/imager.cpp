@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "signal/imager.h"
 
-#include "signal/imager.h"
+#include "parameters/fields.h"
 
 namespace simsense {
 namespace {
-
-bool has_noise(const simsense_signal& s) {
-  return s.speckle_shape > 0 || s.prnu > 0 || s.shot_noise > 0 || s.dsnu_e > 0 || s.row_fixed_e > 0 || s.column_fixed_e > 0 ||
-         s.row_noise_e > 0 || s.column_noise_e > 0 || s.read_noise_e > 0 || s.adc_noise_dn > 0;
-}
 
 bool is_identity(const simsense_signal& s) {
   const bool has_dark = s.dark_current_e_per_s > 0 || (s.hot_pixel_share > 0 && s.hot_pixel_e_per_s > 0);

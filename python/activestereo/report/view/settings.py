@@ -11,6 +11,7 @@ from typing import Any
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
+from activestereo.common.parameter import SIGNAL
 from activestereo.common.shown import unknown, without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -22,10 +23,7 @@ SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmissio
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
 # The imager's noise terms, which the page can switch off.
-_NOISE = (
-    "speckle_shape", "prnu", "hot_pixel_share", "shot_noise", "dsnu_e", "row_fixed_e", "column_fixed_e", "row_noise_e",
-    "column_noise_e", "read_noise_e", "adc_noise_dn",
-)  # fmt: skip
+_NOISE = ("hot_pixel_share", *(p.name for p in SIGNAL if p.is_noise))
 BY_HAND = "set by hand in activestereo view"
 # A camera's slider spans this factor below and above its first position.
 _REACH = 16.0
