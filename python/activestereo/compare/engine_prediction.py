@@ -20,7 +20,7 @@ from activestereo.effects import Light, Model, View, engines
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, loaded_scene
 from activestereo.effects.engines.layers import scene_digest
-from activestereo.effects.engines.smooth import HALVES, half_samples
+from activestereo.effects.engines.smooth import HALVES, halves
 
 # Albedo factors this close to 1 hardly change the light that bounces between surfaces.
 _NEAR_ALBEDO = 0.05
@@ -36,7 +36,7 @@ def engines_of(
     all reported errors exclude it."""
 
     def engines(capture: Capture) -> CaptureRenderer:
-        samples = min(half_samples(samples_per_pixel or usual_samples(capture)), _ENOUGH)
+        samples = min(halves(samples_per_pixel or usual_samples(capture), seed)[0], _ENOUGH)
         return CaptureRenderer(device, samples, max_bounces, seed)
 
     return engines
@@ -87,7 +87,7 @@ def engine_lights(
     formulas. layers: {frame id: {side: Layers}} of the base model; only `flat` is used. cache: stores the light."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
-    halves = [
+    of_halves = [
         kept_lights(
             capture, renderer, cache, traced, capture.frames, scene_measurement,
             part_of(progress, half / 2, (half + 1) / 2), half,
@@ -100,7 +100,7 @@ def engine_lights(
         flat = np.asarray(layers[key[0]][key[1]].flat, dtype=np.float64)
         return outside.light(Light.of_images([*seen, flat]), views[key])
 
-    return [functools.partial(light, of) for of in (halves, halves[:1], halves[1:])]
+    return [functools.partial(light, of) for of in (of_halves, of_halves[:1], of_halves[1:])]
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:

@@ -19,7 +19,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.effects.core.resample import SupersampledImages
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest, request_key, rig_request, sampling_of
-from activestereo.effects.engines.smooth import half_samples, half_seeds
+from activestereo.effects.engines.smooth import halves
 
 # {frame id: {side: Layers}}, and a pair of these from two independent halves of the samples.
 LayersOfFrames: TypeAlias = Mapping[int, Mapping[str, Layers]]
@@ -61,7 +61,7 @@ def render_halves(
     frames: Sequence[Frame] | None = None,
 ) -> Halves:  # fmt: skip
     """Renders twice as render_frames() does, each time with half of the samples and independent random numbers."""
-    half, seeds = half_samples(samples_per_pixel), half_seeds(seed)
+    half, seeds = halves(samples_per_pixel, seed)
     first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
     return first, second
 

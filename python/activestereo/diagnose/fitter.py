@@ -70,14 +70,6 @@ class ParameterSpace:
         return self.of_parameters("high")
 
     @property
-    def typical(self) -> np.ndarray:
-        return self.of_parameters("typical")
-
-    @property
-    def slope_step(self) -> np.ndarray:
-        return self.of_parameters("slope_step")
-
-    @property
     def neutral(self) -> np.ndarray:
         return self.of_parameters("neutral")
 
@@ -103,8 +95,8 @@ class ParameterSpace:
 
     def steps(self, theta: np.ndarray) -> np.ndarray:
         """Returns finite-difference steps [n], negative where a positive step would leave the range."""
-        step = _STEP * np.maximum(self.typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
-        step = np.minimum(step, self.slope_step)
+        typical, most = self.of_parameters("typical"), self.of_parameters("slope_step")
+        step = np.minimum(_STEP * np.maximum(typical, _DISTANCE_SHARE * np.abs(theta - self.neutral)), most)
         return np.where(theta + step > self.high, -step, step)
 
 

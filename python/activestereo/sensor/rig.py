@@ -25,6 +25,7 @@ from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import (
     SceneMeasurement,
+    bounds_around,
     copy_camera,
     copy_light,
     copy_record,
@@ -156,10 +157,6 @@ class Rig:
             self._scene.set_medium(None)
         self._on_rig, self._numbers, self._standing, self._materials = [], [], [], {}
         self._changed_texture, self._has_medium = None, False
-
-
-# A medium extends beyond scene and sensor by this margin.
-_MARGIN_M = 0.05
 
 
 class RigInputs:
@@ -336,9 +333,6 @@ class RigInputs:
             )  # fmt: skip
             for camera, is_right in ((plan.left, False), (plan.right, True))
         )
-        summary = self.scene.summary
-        corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
-        box = np.array([*corners, np.zeros(3)])  # corners of a box around the scene and the sensor
         inputs = EngineInputs(
             left=left,
             right=right,
@@ -346,8 +340,8 @@ class RigInputs:
             pattern=plan.pattern and plan.pattern.radiant,
             frame=frame,
             scene_materials=self.in_scene.material,
-            material_count=summary.material_count,
-            bounds_m=(tuple(box.min(axis=0) - _MARGIN_M), tuple(box.max(axis=0) + _MARGIN_M)),
+            material_count=self.scene.summary.material_count,
+            bounds_m=bounds_around(self.scene, [np.zeros(3)]),
             max_dn=float(2 ** int(plan.signal["bit_depth"]) - 1),
             seed=plan.engine["noise_seed"],
             ambient_radiance=self._ambient_radiance,

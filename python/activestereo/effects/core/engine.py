@@ -97,7 +97,7 @@ class EngineInputs:
     frame: Frame
     scene_materials: Callable[[int], kuafu.Material]
     material_count: int
-    bounds_m: tuple[tuple[float, ...], tuple[float, ...]]
+    bounds_m: tuple[tuple[float, ...], ...]
     max_dn: float = 255.0
     seed: int = 0
     ambient_radiance: float = 1.0

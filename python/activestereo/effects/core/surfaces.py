@@ -59,15 +59,12 @@ def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
             users.setdefault(material, []).append(number)
     shared = {k: found for k, found in users.items() if k >= 0 and len(found) > 1}
     whole = [Surface(name, k) for k, name in enumerate([*names, *([_DEFAULT] if -1 in users else [])])]
-    count = len(whole) + sum(len(found) - 1 for found in shared.values())
-    if count > MOST_MATERIALS:
-        return whole
     out = list(whole)
     for k, found in shared.items():
         first, *others = (Surface(f"{names[k]}{_OF}{instances[i].name}", k, i) for i in found)
         out[k] = first
         out += others
-    return out
+    return out if len(out) <= MOST_MATERIALS else whole
 
 
 def surface_names(scene_path: str | Path | None) -> list[str]:

@@ -6,7 +6,7 @@ Changes the materials and the medium of a kuafu scene as effects ask, and restor
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -72,13 +72,21 @@ class SceneMeasurement:
 _MARGIN_M = 0.05
 
 
+def bounds_around(scene: kuafu.Scene, places: Iterable[NDArray[np.float64]]) -> tuple[tuple[float, ...], ...]:
+    """Returns the lowest and the highest corner of a box around the scene and the rig's places [3], with a margin."""
+    summary = scene.summary
+    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
+    points = np.array([*corners, *places])
+    return tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)
+
+
 def capture_inputs(
     capture: Capture, frame: Frame, scene: kuafu.Scene, pattern: NDArray[np.float32], seed: int = 0
 ) -> EngineInputs:
     """Returns the engines' inputs for a frame, with the projector at 1 W/sr and ambient radiance 1. Nuisances (DN per
     second and gain, found by a fit) scale the images later. The exposure is an instant, also in a moving frame, until
     an effect changes it."""
-    rig, summary, own = capture.rig, scene.summary, capture.rig.projector
+    rig, own = capture.rig, capture.rig.projector
 
     def moved(left_to_it: NDArray[np.float64]) -> tuple[NDArray[np.float64], dict[str, Any]]:
         """Returns (pose [4][4] of a rig's part in the world, its velocities in its own frame as keyword arguments).
@@ -94,9 +102,6 @@ def capture_inputs(
         return EngineCamera(seen, kuafu.Optics(), frame_signal(frame), is_right=name == "right")
 
     pose, velocities = moved(own.left_to_projector)
-    # A box around the scene and every pose of the rig.
-    corners = [summary.bounds_min_m, summary.bounds_max_m] if summary.triangle_count else []
-    points = np.array([*corners, *(f.camera_to_world[:3, 3] for f in capture.frames)])
     return EngineInputs(
         left=side("left", np.eye(4)),
         right=side("right", rig.left_to_right),
@@ -106,8 +111,8 @@ def capture_inputs(
         pattern=pattern,
         frame=frame,
         scene_materials=scene.get_material,
-        material_count=summary.material_count,
-        bounds_m=(tuple(points.min(axis=0) - _MARGIN_M), tuple(points.max(axis=0) + _MARGIN_M)),
+        material_count=scene.summary.material_count,
+        bounds_m=bounds_around(scene, (f.camera_to_world[:3, 3] for f in capture.frames)),
         max_dn=float(rig.max_dn),
         seed=seed,
     )

@@ -41,7 +41,7 @@ from activestereo.effects.engines.capture_inputs import (
 )
 from activestereo.effects.engines.layers import RenderRequest, scene_digest
 from activestereo.effects.engines.loaded_scene import BOUNCED_VERSION, GEOMETRY, LIGHT, LoadedScene, engine_version
-from activestereo.effects.engines.smooth import SMOOTH_VERSION, half_samples, half_seeds
+from activestereo.effects.engines.smooth import SMOOTH_VERSION, halves
 
 # Lights that effects add have a light group of their own, since only the room's light is scaled.
 _ADDED_GROUP = 1
@@ -231,7 +231,8 @@ class CaptureRenderer:
                 lights.append((light, poses[number].pattern if light.kind == "projector" else None))
         samples, seed = self.samples_per_pixel, self.seed
         if half is not None:
-            samples, seed = half_samples(samples), half_seeds(seed)[half]
+            samples, seeds = halves(samples, seed)
+            seed = seeds[half]
         sides = [side for inputs in poses for side in inputs.sides]
         with world.lit(lights):
             images = world.images(

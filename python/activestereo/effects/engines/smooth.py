@@ -142,11 +142,7 @@ HALVES = (0, 1)
 _SEEDS_APART = 1 << 32
 
 
-def half_samples(samples_per_pixel: int) -> int:
-    """Returns the samples per pixel of each of the two halves."""
-    return max(1, (samples_per_pixel + 1) // 2)
-
-
-def half_seeds(seed: int) -> tuple[int, int]:
-    """Returns the seeds of both halves; their random numbers are independent."""
-    return seed, seed + _SEEDS_APART
+def halves(samples_per_pixel: int, seed: int) -> tuple[int, tuple[int, int]]:
+    """Returns the samples per pixel of each of two halves, and the seeds of both; their random numbers are
+    independent."""
+    return max(1, (samples_per_pixel + 1) // 2), (seed, seed + _SEEDS_APART)
