@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from table import Field, Struct, Tables
 from words import GENERATED, c_literal
@@ -149,6 +150,18 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
             f"layout(constant_id = {FIRST_MATCH_CONSTANT + i}) const {kind} {f.name} = {f.default}{suffix};{unit}"
         )
     return "\n".join([*text, "#endif", ""])
+
+
+def simsense_choices_h(tables: Tables) -> str:
+    """Returns simsense/shaders/shared/public_choices.h: the matcher's choices and the reasons of a missing depth, by
+    number, for GLSL and C++."""
+    struct = tables.structs["simsense_parameters"]
+    numbers = [entry for f in struct.fields for entry in f.constants.items()]
+    texts = "".join(header.text for header in tables.headers)
+    numbers += [(name, int(number)) for name, number in re.findall(r"#define (SIMSENSE_REASON_\w+) (\d+)u", texts)]
+    lines = [f"#define {name.removeprefix('SIMSENSE_')} {number}u" for name, number in numbers]
+    guard = "SIMSENSE_PUBLIC_CHOICES_H"
+    return "\n".join([banner(struct)[0], f"#ifndef {guard}", f"#define {guard}", *lines, "#endif", ""])
 
 
 def simsense_fields_cpp(tables: Tables) -> str:

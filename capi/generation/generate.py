@@ -65,6 +65,7 @@ def build_outputs(tables: Tables) -> dict[str, str]:
         "simsense/src/parameters/fields.h": emit_cpp.simsense_fields_h(tables),
         "simsense/src/parameters/fields.cpp": emit_cpp.simsense_fields_cpp(tables),
         "simsense/src/parameters/match_fields.h": emit_cpp.simsense_match_fields_h(tables),
+        "simsense/shaders/shared/public_choices.h": emit_cpp.simsense_choices_h(tables),
         "simsense/shaders/shared/match_constants.glsl": emit_cpp.simsense_match_constants_glsl(tables),
         "python/simsense/fields.h": emit_python.simsense_fields_h(tables),
         "python/kuafu/options.h": emit_python.kuafu_options_h(tables),

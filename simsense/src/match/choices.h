@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The choices of the matcher and the reasons it gives, as enumerations. Their numbers are those of the shaders (shared/choices.h) and of
-// the public header.
+// The choices of the matcher and the reasons it gives, as enumerations. Their numbers are those of the public header.
 #pragma once
 
 #include <cstdint>
 
 #include "shared/choices.h"
-#include "simsense/simsense.h"
 
 namespace simsense {
 
@@ -48,17 +46,5 @@ enum class MatchReason : uint8_t {
   low_texture = REASON_LOW_TEXTURE,
   saturated = REASON_SATURATED,
 };
-
-static_assert(CENSUS_CENTER_SYMMETRIC == SIMSENSE_CENSUS_CENTER_SYMMETRIC && CENSUS_PLAIN == SIMSENSE_CENSUS_PLAIN);
-static_assert(SUBPIXEL_NONE == SIMSENSE_SUBPIXEL_NONE && SUBPIXEL_PARABOLA == SIMSENSE_SUBPIXEL_PARABOLA &&
-              SUBPIXEL_EQUIANGULAR == SIMSENSE_SUBPIXEL_EQUIANGULAR &&
-              SUBPIXEL_EQUIANGULAR_SUMMED == SIMSENSE_SUBPIXEL_EQUIANGULAR_SUMMED &&
-              SUBPIXEL_LUCAS_KANADE == SIMSENSE_SUBPIXEL_LUCAS_KANADE);
-static_assert(HOLES_KEEP == SIMSENSE_HOLES_KEEP && HOLES_LEFT == SIMSENSE_HOLES_LEFT && HOLES_BACKGROUND == SIMSENSE_HOLES_BACKGROUND);
-static_assert(REASON_VALID == SIMSENSE_REASON_VALID && REASON_NOT_UNIQUE == SIMSENSE_REASON_NOT_UNIQUE &&
-              REASON_OUTSIDE == SIMSENSE_REASON_OUTSIDE && REASON_OCCLUDED == SIMSENSE_REASON_OCCLUDED &&
-              REASON_ISOLATED == SIMSENSE_REASON_ISOLATED && REASON_SPECKLE == SIMSENSE_REASON_SPECKLE &&
-              REASON_OUT_OF_RANGE == SIMSENSE_REASON_OUT_OF_RANGE && REASON_NOT_COMPUTED == SIMSENSE_REASON_NOT_COMPUTED &&
-              REASON_LOW_TEXTURE == SIMSENSE_REASON_LOW_TEXTURE && REASON_SATURATED == SIMSENSE_REASON_SATURATED);
 
 }  // namespace simsense
