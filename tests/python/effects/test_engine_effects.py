@@ -280,7 +280,22 @@ def test_the_pose_is_found_from_the_dots(images, monkeypatch):
 
 def test_nothing_is_searched_in_noise_alone(images):
     assert room_unit_starts([replace(image, residual=noise) for image, noise in images]) == [{}]
-    # The axes are those of a pose that looks along the beam.
+
+
+def test_nothing_is_searched_in_the_noise_of_smooth_light_that_the_model_lacks(images, monkeypatch):
+    monkeypatch.setattr(room_unit, "_likely_places", None)  # may not be asked
+
+    def under_lamp(image):
+        """The image with speckle of a tenth of all light, under a lamp that the model lacks."""
+        before = np.full(image.residual.shape, 40.0)
+        speckle = 0.1 * np.random.default_rng(2).normal(size=before.shape)
+        lamp = np.linspace(0.0, 60.0, before.shape[1])
+        return replace(image, residual=lamp + speckle * (before + lamp), expected=before, weight=(0.1 * before) ** -2)
+
+    assert room_unit_starts([under_lamp(image) for image, _ in images]) == [{}]
+
+
+def test_axes_and_angles_are_those_of_a_pose_that_looks_along_the_beam():
     np.testing.assert_allclose(axes(*angles(UNIT[:3, 2]), 0.0), UNIT[:3, :3], atol=1e-12)
 
 

@@ -258,8 +258,9 @@ _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
 # Places that a rough polish and a polish try.
 _ROUGH_TRIALS, _TRIALS = 40, 90
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
-# unit shows and nothing is searched.
-_FINE_PX, _LEAST_CHI2 = 4.0, 1.1
+# unit shows and nothing is searched. Noise grows with light that the model lacks, as smooth as the second scale; speckle
+# is at most this share of light.
+_FINE_PX, _SMOOTH_PX, _LEAST_CHI2, _MOST_SPECKLE = 4.0, 8.0, 1.08, 0.25
 # The least correlation of a place's light with the dots' size; below it nothing is searched. It is 0.33 to 0.49 where a
 # unit shines, and 0.07 to 0.16 where the dots' size is random.
 _LEAST_LIKENESS = 0.2
@@ -273,10 +274,7 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     which the rig's own projector has its least power. Returns [{}], the neutral values, if the residual has no dots."""
     least = min((image.view.frame.projector_power for image in images), default=0.0)
     chosen = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
-    # The mean square of each residual's fine part in units of its noise: about 1 where it is noise alone.
-    fine = [image.residual - gaussian_filter(image.residual, _FINE_PX) for image in chosen]
-    chi2 = [float(np.mean(image.weight * rest**2)) for image, rest in zip(chosen, fine, strict=True)]
-    if not chosen or np.mean(chi2) < _LEAST_CHI2:
+    if not chosen or np.mean([_fine_chi2(image) for image in chosen]) < _LEAST_CHI2:
         return [{}]
     seen, view = SeenPoints.of(chosen, _FINE_PIXELS), chosen[0].view
     few = seen.some(_COARSE_PIXELS)
@@ -296,6 +294,19 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
         for gain, strength, pose in nlargest(_STARTS, starts, _gain)
         if gain > _LEAST_GAIN
     ] or [{}]
+
+
+def _fine_chi2(image: StartImage) -> float:
+    """Returns the mean square of the residual's fine part in units of its noise, about 1 where it is noise alone.
+
+    Light that the model lacks, such as a lamp's, has noise of its own. No noise grows faster than the square of
+    light."""
+    fine = image.residual - gaussian_filter(image.residual, _FINE_PX)
+    before = np.maximum(image.expected, 0.0)
+    after = before + np.maximum(gaussian_filter(image.residual, _SMOOTH_PX), 0.0)
+    speckle = np.minimum(1.0 / np.maximum(image.weight * before**2, 1e-12), _MOST_SPECKLE**2)
+    weight = image.weight / (1.0 + image.weight * speckle * (after**2 - before**2))
+    return float(np.mean(weight * fine**2))
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:
