@@ -83,7 +83,7 @@ def add_parser(commands: cli.Commands) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
-    from activestereo.compare.engine_prediction import engine_images, engines_of
+    from activestereo.compare.engine_prediction import engine_changes, engines_of
     from activestereo.compare.model_file import library
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.numbers import NUMBERS
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> None:
             args.capture, model=model, effects=effects, renderer=CaptureRenderer(args.device),
             samples_per_pixel=args.spp, max_bounces=args.max_bounces, seed=args.seed,
             workers=args.workers or os.cpu_count() or 1, progress=phases, numbers=replace(NUMBERS, **given),
-            rendering=(lambda capture: engine_images(capture, *sampled)) if args.refine else None,
+            rendering=(lambda capture: engine_changes(capture, *sampled)) if args.refine else None,
             engines=engines_of(*sampled), binning=args.bin, reference=args.reference, says=bar.tell,
         )  # fmt: skip
         phases.begin(WRITING)

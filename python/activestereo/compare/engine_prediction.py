@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, usual_samples
+from activestereo.capture.capture import Capture, Frame, ImageKey, usual_samples
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.effects import Light, Model, View, engines
@@ -24,6 +24,8 @@ from activestereo.effects.engines.smooth import HALVES, halves
 
 # Albedo factors this close to 1 hardly change the light that bounces between surfaces.
 _NEAR_ALBEDO = 0.05
+# Engine fields of effects that add lights and change nothing else.
+_ADDED = {"lights", "rig_lights"}
 # Most samples per pixel of a model's images.
 _ENOUGH = 16
 
@@ -42,19 +44,24 @@ def engines_of(
     return engines
 
 
-def engine_images(
+def engine_changes(
     capture: Capture, device: str | int, samples_per_pixel: int | None, max_bounces: int, seed: int
 ) -> Callable[..., Mapping[ImageKey, NDArray[np.float32]]]:
-    """Returns a function that renders the light of a capture's train frames under a model, and stores it in the user's
-    cache (a Rendering of diagnose/refit.py). It takes an eighth of the samples, because a search compares images with
-    the same random numbers; its argument `samples` multiplies them. Arguments are those of engines_of()."""
+    """Returns a function that renders how a model's effects change the light of a capture's train frames, and stores it
+    in the user's cache (a Rendering of diagnose/refit.py). It takes an eighth of the samples, because a search compares
+    images with the same random numbers; its argument `samples` multiplies them. Arguments are those of engines_of()."""
     usual, cache = max(1, (samples_per_pixel or usual_samples(capture)) // 8), LayerCache()
+    frames = capture.split("train")
     renderer = functools.cache(lambda samples: CaptureRenderer(device, usual * samples, max_bounces, seed))
+    base = functools.cache(lambda samples: kept_lights(capture, renderer(samples), cache, Model(), frames))
 
-    def images(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
-        return kept_lights(capture, renderer(samples), cache, model, capture.split("train"))
+    def changes(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
+        if all(set(effect.engine_fields) <= _ADDED for effect, _ in model.effects):
+            return _kept_added_light(capture, renderer(samples), cache, model, frames)
+        lights = kept_lights(capture, renderer(samples), cache, model, frames)
+        return {key: image - base(samples)[key] for key, image in lights.items()}
 
-    return images
+    return changes
 
 
 def kept_lights(
@@ -63,18 +70,45 @@ def kept_lights(
     half: int | None = None,
 ) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
     """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): images
-    [3][height][width] of direct, indirect and ambient light}. The cache's key covers all that decides the light,
-    including the engines' code. half: 0 or 1 renders one half of the samples; None: all samples."""
+    [3][height][width] of direct, indirect and ambient light}. half: 0 or 1 renders one half of the samples; None: all
+    samples."""
+
+    def rendered() -> dict[ImageKey, NDArray[np.float32]]:
+        seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
+        return {key: np.stack([x.direct, x.indirect, x.ambient]) for key, x in seen.items()}
+
+    own = renderer.lights_key(capture, model, frames, scene_measurement, half)
+    return _kept(capture, renderer, cache, own, rendered)
+
+
+def _kept_added_light(
+    capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame]
+) -> dict[ImageKey, NDArray[np.float32]]:
+    """Returns what kept_lights() does, of the lights alone that a model's effects add."""
+
+    def rendered() -> dict[ImageKey, NDArray[np.float32]]:
+        seen = renderer.added_light(capture, model, frames)
+        return {key: np.stack([0.0 * image, 0.0 * image, image]) for key, image in seen.items()}
+
+    own = f"added {renderer.lights_key(capture, model, frames)}"
+    return _kept(capture, renderer, cache, own, rendered)
+
+
+def _kept(
+    capture: Capture, renderer: CaptureRenderer, cache: LayerCache, own: str,
+    rendered: Callable[[], dict[ImageKey, NDArray[np.float32]]],
+) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
+    """Returns rendered(), or what the cache has of it. own: the key of all that decides the light, but for the scene's
+    files and the engines' code."""
     code = [inspect.getsource(module) for _, module in inspect.getmembers(engines, inspect.ismodule)]
-    own = renderer.lights_key(capture, model, frames, scene_measurement, half), code
     of_world = scene_digest(capture.scene_path), loaded_scene.engine_version(renderer.device)
-    key = hashlib.sha256(repr((own, of_world)).encode()).hexdigest()
+    key = hashlib.sha256(repr(((own, code), of_world)).encode()).hexdigest()
     stored = cache.get_arrays(key)
     if stored is None:
-        seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
-        stored = {f"{side}_{id}": np.stack([x.direct, x.indirect, x.ambient]) for (id, side), x in seen.items()}
+        stored = {f"{side}_{id}": images for (id, side), images in rendered().items()}
         cache.put_arrays(key, stored)
-    return {(f.id, side): stored[f"{side}_{f.id}"] for f in frames for side in SIDES}
+    names = ((name, *name.split("_")) for name in stored)
+    return {(int(id), side): stored[name] for name, side, id in names}
 
 
 def engine_lights(

@@ -13,7 +13,6 @@ curve is therefore fitted beside the response's formula.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -47,8 +46,9 @@ _UNMEASURED = 1.0 / 3.0
 
 
 class Rendering(Protocol):
-    """Renders a capture's train frames under a model; returns {image key: direct, indirect and ambient light, float32
-    [3][height][width]}. Calls with equal `samples`, a factor on the usual number, use the same random numbers."""
+    """Renders how a model's effects change the light of a capture's train frames; returns {image key: change of direct,
+    indirect and ambient light, float32 [3][height][width]}. Calls with equal `samples`, a factor on the usual number,
+    use the same random numbers."""
 
     def __call__(self, model: Model, samples: int = 1, /) -> _Images: ...
 
@@ -90,12 +90,10 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
     """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the best
     fit, which is `start` if no new fit is better."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
-    without = cache(lambda samples: rendering(Model(), samples))
 
     def change(values: np.ndarray, samples: int = 1) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
-        images = rendering(Model().with_effect(effect, **named), samples)
-        return {key: image - without(samples)[key] for key, image in images.items()}
+        return rendering(Model().with_effect(effect, **named), samples)
 
     def fitted(values: np.ndarray, here: _Images, slopes: Sequence[_Images], near: Solution) -> Solution:
         emulated = _Rendered(effect, values.copy(), here, tuple(slopes)).emulated()
@@ -108,12 +106,15 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
     for _ in range(_RENDER_ROUNDS):
         here, steps = change(theta), _steps(effect, theta)
         slopes = []
-        for j, step in enumerate(steps):
+        for j, (p, step) in enumerate(zip(effect.parameters, steps, strict=True)):
+            if p.scales_light and theta[j]:  # one render tells all its values
+                slopes.append({key: image / theta[j] for key, image in here.items()})
+                continue
             there = change(np.where(np.arange(len(steps)) == j, theta + step, theta)) if step else {}
             slopes.append({key: (image - here[key]) / step for key, image in there.items()})
         solution = fitted(theta, here, slopes, solution)
         best = min(best, solution, key=lambda s: s.sums.total)
-        reach = np.abs(steps)
+        reach = np.where([p.scales_light for p in effect.parameters], np.inf, np.abs(steps))
         moved = np.clip(solution.theta[own], theta - _TRUSTED * reach, theta + _TRUSTED * reach)
         is_settled = (np.abs(moved - theta) <= _SETTLED * reach).all()
         theta = moved

@@ -166,7 +166,7 @@ _SUN_PER_M = 1e-6
     finding="A lamp shines on the scene that the scene file lacks",
     source="lamps and sunlight hold near infrared; librealsense issues on sunlight and halogen lamps",
     parameters=[
-        Parameter("strength", "1", high=50.0, typical=1.0,
+        Parameter("strength", "1", high=50.0, typical=1.0, scales_light=True,
                   source="radiance of a white surface that faces it at the world's origin, over the ambient radiance"),
         Parameter("azimuth_rad", "rad", low=-np.pi, high=np.pi, typical=1.0,
                   source="about the world's y axis, from z towards x"),
@@ -191,7 +191,7 @@ def external_light(
 
 
 _UNIT_INTENSITY = Parameter(
-    "intensity_m2", "m^2", high=200.0, typical=8.0,
+    "intensity_m2", "m^2", high=200.0, typical=8.0, scales_light=True,
     source="radiant intensity over ambient radiance: the unit burns whatever the own projector does",
 )  # fmt: skip
 

@@ -136,6 +136,23 @@ def test_a_second_projector_is_the_rooms_light(nominal, renderer):
     assert (more[key].ambient - plain[key].ambient).mean() > 0.05 * plain[key].ambient.mean()
 
 
+@pytest.mark.parametrize("added", [
+    {"external_light": {"strength": 2.0, "azimuth_rad": 0.5, "nearness_per_m": 0.5}},
+    {"second_projector": {"intensity_m2": 8.0}},
+])  # fmt: skip
+def test_light_that_a_model_adds_is_the_difference_of_two_renders(nominal, added):
+    renderer, model = CaptureRenderer(samples_per_pixel=64, max_bounces=BOUNCES), model_of(**added)
+    plain, more = (renderer.lights(nominal, m) for m in (Model(), model))
+    alone = renderer.added_light(nominal, model, nominal.frames)
+    for key, image in alone.items():
+        truth = more[key].ambient - plain[key].ambient
+        assert image.mean() == pytest.approx(truth.mean(), rel=0.02)
+        assert np.sqrt(np.mean((image - truth) ** 2)) < 0.15 * truth.std()
+    # Afterwards the scene has its own light again.
+    again = renderer.lights(nominal, Model(), nominal.frames[:1])
+    np.testing.assert_array_equal(again[0, "left"].ambient, plain[0, "left"].ambient)
+
+
 def test_a_projector_in_the_room_stays_where_it_is_when_the_rig_moves(renderer, nominal):
     """The engine's dots are those of the formula, which knows the unit's place in the world, from every pose."""
     unit = {"intensity_m2": 8.0, "azimuth_rad": -2.57, "elevation_rad": -0.5, "roll_rad": 0.1}

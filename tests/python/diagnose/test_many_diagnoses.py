@@ -46,8 +46,9 @@ def test_many_diagnoses_with_many_processes_give_one_result(hazy):
 
         def rendering(model, samples=1):
             renders.append(model)
-            lights = renderer.lights(hazy.capture, model, hazy.capture.split("train"))
-            return {key: np.stack((o.direct, o.indirect, o.ambient)) for key, o in lights.items()}
+            before, after = (renderer.lights(hazy.capture, m, hazy.capture.split("train")) for m in (Model(), model))
+            light = lambda o: np.stack((o.direct, o.indirect, o.ambient))  # noqa: E731
+            return {key: light(after[key]) - light(before[key]) for key in after}
 
         return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
 

@@ -181,7 +181,8 @@ class Parameter:
     possible range. typical: the standard deviation of the prior around neutral. choice: whether it is a whole
     number that selects surfaces or a variant; fits do not change it. in_engine: True: the engines have the parameter.
     False: they simulate the effect only where the parameter is neutral. None: they see the parameter in the scene.
-    slope_step: the largest step of a finite difference, in `unit`; set where a share of `typical` is too coarse."""
+    slope_step: the largest step of a finite difference, in `unit`; set where a share of `typical` is too coarse.
+    scales_light: whether the effect's change of the light is proportional to the parameter."""
 
     name: str
     unit: str
@@ -193,6 +194,7 @@ class Parameter:
     choice: bool = False
     in_engine: bool | None = True
     slope_step: float = float("inf")
+    scales_light: bool = False
 
     def __post_init__(self) -> None:
         if not self.low <= self.neutral <= self.high or self.low == self.high:

@@ -258,8 +258,8 @@ _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
 # Places that a rough polish and a polish try.
 _ROUGH_TRIALS, _TRIALS = 40, 90
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
-# unit shows and nothing is searched. Noise grows with light that the model lacks, as smooth as the second scale; speckle
-# is at most this share of light.
+# unit shows and nothing is searched. Noise grows with light that the model lacks, which is as smooth as the second
+# scale. Speckle is at most this share of light.
 _FINE_PX, _SMOOTH_PX, _LEAST_CHI2, _MOST_SPECKLE = 4.0, 8.0, 1.08, 0.25
 # The least correlation of a place's light with the dots' size; below it nothing is searched. It is 0.33 to 0.49 where a
 # unit shines, and 0.07 to 0.16 where the dots' size is random.

@@ -35,6 +35,8 @@ _SPREAD_PX = 1.5
 BOUNCED_VERSION = f"{BOUNCED_SHARE} spread {_SPREAD_PX}"
 # Emission has no noise: more samples only cover a pixel's square more evenly.
 _MOST_SAMPLES = 4
+# Visible and infrared radiance of even ambient light.
+_EVEN = (1.0, 1.0, 1.0), 1.0
 
 
 def has_room_light(scene_path: Path) -> bool:
@@ -79,7 +81,7 @@ def light_by_room(scene: kuafu.Scene, device: kuafu.Device, scene_path: Path) ->
     """Sets the ambient light of a loaded scene. With measured room light in the file the ambient light is 0, and the
     result is the RoomLight that renders it. Otherwise the ambient light is 1 from all sides, and the result is None."""
     if not has_room_light(scene_path):
-        scene.set_environment((1.0, 1.0, 1.0), ir_radiance=1.0)
+        scene.set_environment(*_EVEN)
         return None
     scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
     for number in range(scene.summary.material_count):
@@ -139,6 +141,16 @@ class LoadedScene:
                 self.scene.remove_light(number)
             for texture in textures.values():
                 self.scene.remove_texture(texture)
+
+    @contextmanager
+    def dark(self) -> Iterator[None]:
+        """Removes the even ambient light while the context lasts."""
+        self.scene.set_environment((0.0, 0.0, 0.0), ir_radiance=0.0)
+        try:
+            yield
+        finally:
+            if self._room is None:
+                self.scene.set_environment(*_EVEN)
 
     def images(
         self,
