@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 # Pixels predicted nearer to the range's ends than this many residual deviations are left out, as clipping biases them.
 _CLIP_MARGIN_SIGMA = 4.0
 # Numbers of rounds: for clipped pixels, a nonlinear model, its level, and inexact exposures.
-_CLIP_ROUNDS, _BENT_ROUNDS, _LEVEL_ROUNDS, _EXPOSURE_ROUNDS = 4, 8, 12, 3
+_CLIP_ROUNDS, _BENT_ROUNDS, _LEVEL_ROUNDS, _EXPOSURE_ROUNDS = 4, 20, 12, 3
+# A nonlinear fit ends where a step changes no nuisance by more than this share.
+_CONVERGED = 1e-5
 _STEP = 1e-3
 # A step is halved if the residual deviation grows by more than this factor; a little growth is due to clipped pixels.
 _WORSE = 1.01
@@ -207,6 +209,8 @@ def _fitted(
             if best is not None and here > _WORSE * best[1]:
                 solution = 0.5 * (solution + best[0])
                 continue
+            if best is not None and np.allclose(solution, best[0], rtol=_CONVERGED, atol=_CONVERGED):
+                break
             best = solution, here
         solution, inverse, at_bound = solve_bounded(gram, moment, black_dn)
         deviation = rms(solution)
