@@ -22,17 +22,17 @@ def lens_distortion(device):
     return seen_by(device, distortion=(-0.9, 0.6, 0, 0, 0, 0, 0, 0))
 
 
-@tile("Camera", "Thin lens", "`lens_radius_m`, `focus_m`: what is not in focus blurs")
+@tile("Camera", "Thin lens", "`lens_radius_m`, `focus_m`: blur out of focus")
 def thin_lens(device):
     return seen_by(device, lens_radius_m=0.12, focus_m=3.1)
 
 
-@tile("Camera", "Motion blur", "`exposure_s` with a camera that moves: `linear_velocity`")
+@tile("Camera", "Motion blur", "`exposure_s` with a moving camera: `linear_velocity`")
 def motion_blur(device):
     return seen_by(device, exposure_s=0.1, linear_velocity=(2.0, 0.0, 0.0))
 
 
-@tile("Camera", "Rolling shutter", "rows read one after another: `line_time_s`")
+@tile("Camera", "Rolling shutter", "rows in turn: `line_time_s`")
 def rolling_shutter(device):
     return seen_by(device, shutter="rolling", line_time_s=0.002, linear_velocity=(2.5, 0.0, 0.0))
 

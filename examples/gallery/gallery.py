@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
 
-usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER] Writes FOLDER/pictures/*.jpg and FOLDER/README.md, beside
-this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
+usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER] [--check]. Writes FOLDER/pictures/*.jpg and
+FOLDER/README.md, beside this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import camera  # noqa: F401  each module adds its tiles, in the order of the page
@@ -29,7 +30,7 @@ What kuafu renders, one small picture each, made by
 ```sh
 PYTHONPATH=build/python /usr/bin/python3 examples/gallery/gallery.py
 ```
-Each is a function of a few lines in this folder: take one as a start. 24 samples per pixel, denoised.
+Each is a short function in this folder. 24 samples per pixel, denoised.
 """
 
 
@@ -53,7 +54,10 @@ def main():
     parser.add_argument("--only", nargs="*", help="names of pictures")
     parser.add_argument("--spp", type=int, default=24, help="samples per pixel")
     parser.add_argument("--out", type=Path, default=HERE, help="folder for the pictures and the page")
+    parser.add_argument("--check", action="store_true", help="write nothing; fail where the page is not what tiles say")
     arguments = parser.parse_args()
+    if arguments.check:
+        return int((arguments.out / "README.md").read_text() != page())
     stage.SAMPLES = arguments.spp
     device = kuafu.Device()
     (arguments.out / "pictures").mkdir(exist_ok=True)
@@ -63,7 +67,8 @@ def main():
         Image.fromarray(t.draw(device)).save(arguments.out / "pictures" / f"{t.name}.jpg", quality=90)
         print(f"{t.section}: {t.name}", flush=True)
     (arguments.out / "README.md").write_text(page())
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

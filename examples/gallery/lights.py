@@ -90,7 +90,7 @@ def slide(device):
     return stage.picture()
 
 
-@tile("Lights", "Fog", "`set_medium`: a spot's cone in a medium that scatters")
+@tile("Lights", "Fog", "`set_medium`: a spot's cone in a scattering medium")
 def fog(device):
     stage = under(device)
     stage.light("spot", (-1.6, 0.4, 2.4), (0.2, -0.1, 0.0), intensity=(90, 85, 75), inner_rad=0.14, outer_rad=0.18)
@@ -119,12 +119,12 @@ def projected(device, *, pattern=None, glass=None, options=None, **fields):
     return stage.picture()
 
 
-@tile("Projector", "Dots", "an image sent through K and seen in the infrared")
+@tile("Projector", "Dots", "an image through K, in the infrared")
 def dots_sharp(device):
     return projected(device)
 
 
-@tile("Projector", "A list of dots", "`dots`: place and power of each; every fifth is four times as bright")
+@tile("Projector", "A list of dots", "`dots`: place and power; every fifth is four times as bright")
 def dots_listed(device):
     places = np.stack(np.meshgrid(np.arange(4, 160, 8.0), np.arange(4, 160, 8.0)), -1).reshape(-1, 2)
     places[:, 0] += 2.0 * np.sin(places[:, 1])  # anywhere, not only where an image has pixels
@@ -134,7 +134,7 @@ def dots_listed(device):
     )
 
 
-@tile("Projector", "Out of focus", "blur grows with the distance from `focus_m` and the lens' radius")
+@tile("Projector", "Out of focus", "blur grows away from `focus_m`")
 def dots_defocused(device):
     return projected(device, focus_m=1.2, radius_m=0.03)
 
@@ -159,7 +159,7 @@ def dots_blocked(device):
     return projected(device, glass=0)
 
 
-@tile("Projector", "Bent by glass", '`glass_shadows="bent"`: a ball turns dots over, and gathers them on the table')
+@tile("Projector", "Bent by glass", '`glass_shadows="bent"`: a ball turns and gathers dots')
 def dots_bent(device):
     stage = Stage(device, wall=False)
     stage.camera.update(eye=(0.0, -2.6, 1.9), target=(0.0, -0.2, 0.2))

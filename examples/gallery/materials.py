@@ -29,7 +29,7 @@ def glazed(device):
     return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), roughness=0.05)
 
 
-@tile("Materials", "Satin", "the same layer, `roughness=0.4`")
+@tile("Materials", "Satin", "`roughness=0.4`")
 def satin(device):
     return ball_of(device, base_color=(0.7, 0.25, 0.2, 1), roughness=0.4)
 
@@ -109,7 +109,7 @@ def tinted_glass(device):
 @tile(
     "Materials",
     "Window and block",
-    "`thin_walled=True`: a sheet, light goes straight through; right, a body that bends it",
+    "`thin_walled=True`: a sheet with straight light; right, a body that bends it",
 )
 def window_and_block(device):
     stage = Stage(device)
@@ -126,7 +126,7 @@ def window_and_block(device):
     return stage.picture()
 
 
-@tile("Materials", "Wax", "`subsurface=1`: light wanders below the surface, red the farthest")
+@tile("Materials", "Wax", "`subsurface=1`: light below the surface, red the farthest")
 def wax(device):
     return ball_of(
         device, roughness=0.4, subsurface=1.0, subsurface_color=(0.9, 0.75, 0.5), subsurface_radius_m=(0.2, 0.08, 0.03)
@@ -138,7 +138,7 @@ def diamond(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=2.42)
 
 
-@tile("Materials", "Flint glass", "`dispersion=4`, five times real flint's: colours part")
+@tile("Materials", "Flint glass", "`dispersion=4`, five times real flint's")
 def flint_glass(device):
     return ball_of(device, transmission=1.0, roughness=0.0, ior=1.8, dispersion=4.0)
 
@@ -157,7 +157,7 @@ def textured(device):
     return stage.picture()
 
 
-@tile("Materials", "Glowing", "`emission`: its surface is a light that is sampled")
+@tile("Materials", "Glowing", "`emission`: its surface is a sampled light")
 def glowing(device):
     stage = Stage(device)
     stage.scene.set_environment((0.02, 0.02, 0.03), 0.02)
@@ -218,7 +218,7 @@ def cut_out(device):
     return stage.picture()
 
 
-@tile("Materials", "Half there", '`alpha_mode="blend"`, alpha 0.4: its shadow is as thin as it')
+@tile("Materials", "Half there", '`alpha_mode="blend"`, alpha 0.4: with a thin shadow')
 def half_there(device):
     stage = beside_a_lamp(device)
     stage.ball(base_color=(0.1, 0.45, 0.8, 0.4), alpha_mode="blend", specular=0.0)

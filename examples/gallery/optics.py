@@ -26,16 +26,16 @@ def vignetting(device):
     return developed(device, vignetting_exponent=16.0)
 
 
-@tile("Optics", "Point spread", "a Gaussian that grows towards the corners")
+@tile("Optics", "Point spread", "a Gaussian, wider in the corners")
 def point_spread(device):
     return developed(device, psf_sigma_px=0.6, psf_corner_sigma_px=4.0)
 
 
-@tile("Optics", "Defocus by depth", "a lens' circle of confusion, from the depth of each pixel")
+@tile("Optics", "Defocus by depth", "circle of confusion from each pixel's depth")
 def defocus(device):
     return developed(device, defocus_lens_radius_m=0.06, defocus_focus_m=3.0)
 
 
-@tile("Optics", "Veiling glare", "a fraction of all light, spread evenly")
+@tile("Optics", "Veiling glare", "an even share of all light")
 def veiling_glare(device):
     return developed(device, veiling_glare_fraction=0.35)

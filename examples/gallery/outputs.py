@@ -85,7 +85,7 @@ def projector_pixel(device):
     return to_srgb(np.where(images["projector_visibility"][0] > 0, np.nan_to_num(colour), 0.0))
 
 
-@tile("Outputs", "Motion", "`motion`: pixels since the last frame, right is red, left is blue")
+@tile("Outputs", "Motion", "`motion`: pixels since the last frame")
 def motion(device):
     stage = furnished(device)
     balls = {thing: x for x in (-0.4, 0.5) for thing in [stage.ball(x, -0.9, 0.2)[1]]}

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The examples of robot loops run, small."""
+"""The examples of robot loops run, small, and the gallery's page is that of its tiles."""
 
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,8 @@ def test_any_simulator(tmp_path):
 
 def test_grasp_task(tmp_path):
     run(tmp_path, "grasp_task", least_good_share=0.95, environments=3, samples=1)
+
+
+def test_the_gallery_s_page_is_what_its_tiles_say():
+    check = subprocess.run([sys.executable, EXAMPLES / "gallery/gallery.py", "--check"])
+    assert check.returncode == 0, "run examples/gallery/gallery.py --only NAME, with the names of new tiles"
