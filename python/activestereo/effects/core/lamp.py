@@ -126,16 +126,12 @@ def _near_starts(seen: SeenPoints) -> list[dict[str, float]]:
     light. Shadows are ignored. A near lamp's light falls with distance, so the fit uses the points' positions and
     normals."""
     ways = list(product(_AZIMUTHS_RAD, _ELEVATIONS_RAD))
-    directions = np.stack([towards(*way) for way in ways], axis=1)
-    # As in radiance_under(), for all directions at once: ways are sums, so cosines and squares are, too.
-    facing, along = seen.normals @ directions, -seen.points @ directions
-    aside, far = -(seen.normals * seen.points).sum(-1)[:, None], (seen.points**2).sum(-1)[:, None]
+    directions = np.stack([towards(*way) for way in ways])
     best: list[dict[str, float]] = []
     most = 0.0
     for nearness in _NEARNESSES_PER_M:
-        square = np.maximum(1.0 + nearness * (2.0 * along + nearness * far), 1e-6)
-        lit = np.pi * seen.glow[:, None] * np.maximum(facing + nearness * aside, 0.0) / (square * np.sqrt(square))
-        for (azimuth, elevation), column in zip(ways, lit.T, strict=True):
+        lit = np.pi / nearness**2 * seen.lit_from(directions / nearness)[1]
+        for (azimuth, elevation), column in zip(ways, lit, strict=True):
             (strength, _), gain = _regression(seen, column[None])
             if strength > 0.0 and gain > most:
                 place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "nearness_per_m": nearness}
