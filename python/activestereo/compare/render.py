@@ -27,6 +27,8 @@ Halves: TypeAlias = tuple[LayersOfFrames, LayersOfFrames]
 
 # Image samples along a pixel's side if effects may warp the images, so that dots stay sharp.
 WARP_SCALE = 2
+# A draft takes so many times fewer samples.
+_DRAFTED = 4
 
 
 class Renderer(Protocol):
@@ -64,6 +66,20 @@ def render_halves(
     half, seeds = halves(samples_per_pixel, seed)
     first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
     return first, second
+
+
+def render_for_fits(
+    capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seed: int,
+    cache: LayerCache | None, progress: Progress | None, scale: int, frames: Sequence[Frame],
+    is_draft: bool = False,
+) -> LayersOfFrames:  # fmt: skip
+    """Renders as render_frames() does, by the halves that errors are told from later. is_draft: renders with fewer
+    samples, for poses that a search leaves again."""
+    if is_draft:
+        few = max(1, samples_per_pixel // _DRAFTED)
+        return render_frames(capture, renderer, few, max_bounces, seed, cache, progress, scale, frames)
+    sampled = samples_per_pixel, max_bounces, seed, cache, progress, scale, frames
+    return mean_of_halves(render_halves(capture, renderer, *sampled))
 
 
 def _rendered(

@@ -26,7 +26,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
-from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, mean_of_halves, render_halves
+from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_for_fits, render_halves
 from activestereo.diagnose.depth_engine import depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
@@ -193,17 +193,19 @@ def diagnose(
     samples_per_pixel = samples_per_pixel or usual_samples(whole)
     known, made_by = _effects_of(model, capture.scene_path), (renderer.version, searched, max_bounces)
 
-    def render(capture: Capture, split: str = "train", progress: Progress | None = phases) -> LayersOfFrames:
+    def render(
+        capture: Capture, split: str = "train", progress: Progress | None = phases, is_draft: bool = False
+    ) -> LayersOfFrames:
         sampled = searched, max_bounces, seed, kept, progress, WARP_SCALE
-        return mean_of_halves(render_halves(capture, tracer, *sampled, capture.split(split)))
+        return render_for_fits(capture, tracer, *sampled, capture.split(split), is_draft)
 
     def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
-        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near)
+        draft = partial(render, is_draft=True)
+        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near, draft)
         return evidence, None if rendering is None else rendering(evidence.capture)
 
     def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:
-        test = partial(render, split="test", progress=None)
-        return with_test_frames(evidence, fitter, solution, model, test)
+        return with_test_frames(evidence, fitter, solution, model, partial(render, split="test", progress=None))
 
     sampled = samples_per_pixel, max_bounces, seed, kept, part_of(phases, 0.0, _BASE_SHARE), WARP_SCALE
 

@@ -13,6 +13,7 @@ those of views at rest keeps its stated pose, so that an effect can explain it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import blake2b
 from typing import Any
 
@@ -40,8 +41,9 @@ _FOUND = ("focal", "projector", "poses", "deviations", "misfit")
 # Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
-# Random share of the pixels that a search uses: they tell the rig's pose to a fiftieth of the noise.
-_PIXEL_SHARE, _SEED = 0.25, 13
+# Random share of an image's pixels that a search uses, and their largest number. They tell the rig's pose to a few
+# hundredths of the noise.
+_PIXEL_SHARE, _MOST_PIXELS, _SEED = 0.25, 12_000, 13
 # Effects on this field of the engine are lenses that may be fitted along; the share of chi2 that one must remove.
 _LENS, _WORTH = "camera.distortion", 0.2
 # Lens parameters to try, in typical values; the scan uses every so manyth pixel of the chosen images.
@@ -101,12 +103,13 @@ def gather_where_it_stands(
     memory: LayerCache | None = None,
     rendered_by: object = None,
     near: Evidence | None = None,
+    draft: Render | None = None,
 ) -> Evidence:
     """Estimates the poses of views and projector under a model, renders there, and returns the Evidence of the train
     frames. capture: states the poses to start from. render: returns a capture's layers. model: the effects known
     already. memory: keeps the estimated poses, so that a later diagnosis skips the search. rendered_by: all that
     determines the layers, for the key of `memory`. near: evidence under another model to start from. It is returned
-    unchanged if the estimated poses are its own."""
+    unchanged if the estimated poses are its own. draft: renders with fewer samples, on the way; None = render."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
@@ -118,22 +121,25 @@ def gather_where_it_stands(
         capture = geometry.capture()
         return gather(capture, render(capture), seed, geometry)
     if near is None:
-        evidence = _searched(gather(capture, render(capture), seed), render, model, _BLURS_PX)
+        evidence = gather(capture, render(capture), seed)
+        evidence = _searched(evidence, _step(evidence, model), render, model, _BLURS_PX, draft)
     else:
-        evidence = _searched(_start(near, capture, render, model), render, model, ())
+        evidence = _searched(*_start(near, capture, render, model), render, model, (), draft)
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
     return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
 
 
-def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> Evidence:
-    """Returns the evidence to start from: near, or the evidence at the stated geometry if that fits better. Poses found
-    without an effect absorb a part of it. They may move dots by more than their width, and so hide the effect."""
+def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> tuple[Evidence, _Step]:
+    """Returns the evidence to start from and the first step there: near, or the evidence at the stated geometry if that
+    fits better. Poses found without an effect absorb a part of it. They may move dots by more than their width, and so
+    hide the effect."""
     step = _step(near, model)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
-        return near
+        return near, step
     stated = gather(capture, render(capture), near.seed)
-    return stated if _step(stated, model).left < step.left else near
+    from_stated = _step(stated, model)
+    return (stated, from_stated) if from_stated.left < step.left else (near, step)
 
 
 def _is_same(a: Geometry, b: Geometry) -> bool:
@@ -149,22 +155,33 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
     return content_key("geometry", code_digest(), capture_content(capture), effects, seed, rendered_by, start)
 
 
-def _searched(evidence: Evidence, render: Render, model: Model, blurs_px: Sequence[float]) -> Evidence:
-    """Searches the geometry, and returns the evidence rendered there. With blurs it makes one step per blur and a last
-    sharp step, else two sharp steps. Blurred images reveal larger errors, but are used only if sharp images need a
-    correction."""
+def _searched(
+    evidence: Evidence,
+    step: _Step,
+    render: Render,
+    model: Model,
+    blurs_px: Sequence[float],
+    draft: Render | None = None,
+) -> Evidence:
+    """Searches the geometry, and returns the evidence rendered there. step: _step(evidence, model). With blurs it makes
+    one step per blur and a last sharp step, else two sharp steps. Blurred images reveal larger errors, but are used
+    only if sharp images need a correction. draft: as of gather_where_it_stands()."""
 
-    def again(geometry: Geometry) -> Evidence:
+    def again(geometry: Geometry, render: Render = render) -> Evidence:
         capture = geometry.capture()
         return gather(capture, render(capture), evidence.seed, geometry)
 
-    step = _step(evidence, model)
     if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
+        on_the_way, there = partial(again, render=draft or render), evidence
         if not blurs_px:  # two sharp steps: a view's move has hidden the model's effect so far
-            evidence = _moved(evidence, step.focal, step.twists, again)
-        for sigma_px in (*blurs_px, 0.0):
-            step = _step(evidence, model, sigma_px)
-            evidence = _moved(evidence, step.focal, step.twists, again)
+            there = _moved(there, step.focal, step.twists, on_the_way)
+        for sigma_px in blurs_px:
+            step = _step(there, model, sigma_px)
+            there = _moved(there, step.focal, step.twists, on_the_way)
+        step = _step(there, model)
+        last = _moved(there, step.focal, step.twists, again)
+        is_draft = last is there and there is not evidence and draft is not None
+        evidence = again(there.geometry) if is_draft else last
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 
@@ -278,7 +295,8 @@ def _thinned(o: Observation, blur_px: float, seed: int) -> Observation:
     view = int.from_bytes(blake2b(o.side.encode() + o.frame.camera_to_world.tobytes(), digest_size=8).digest(), "big")
     pool = np.arange(o.measured.size) if o.pick is None else o.pick
     chosen = np.random.Generator(np.random.PCG64([_SEED, view, seed])).permutation(len(pool))
-    return replace(o, pick=np.sort(pool[chosen[: round(_PIXEL_SHARE * len(pool))]]))
+    count = min(round(_PIXEL_SHARE * len(pool)), _MOST_PIXELS)
+    return replace(o, pick=np.sort(pool[chosen[:count]]))
 
 
 def _fit_at_rest(
