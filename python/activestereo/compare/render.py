@@ -78,8 +78,15 @@ def render_for_fits(
     if is_draft:
         few = max(1, samples_per_pixel // _DRAFTED)
         return render_frames(capture, renderer, few, max_bounces, seed, cache, progress, scale, frames)
-    sampled = samples_per_pixel, max_bounces, seed, cache, progress, scale, frames
-    return mean_of_halves(render_halves(capture, renderer, *sampled))
+    poses: dict[bytes, list[Frame]] = {}
+    for frame in frames:
+        poses.setdefault(frame.camera_to_world.tobytes(), []).append(frame)
+    layers: dict[int, Mapping[str, Layers]] = {}
+    for done, some in enumerate(poses.values()):  # one by one, because halves of large images take gigabytes
+        share = part_of(progress, done / len(poses), (done + 1) / len(poses))
+        sampled = samples_per_pixel, max_bounces, seed, cache, share, scale, some
+        layers |= mean_of_halves(render_halves(capture, renderer, *sampled))
+    return layers
 
 
 def _rendered(

@@ -169,6 +169,13 @@ class Evidence:
         """The number of train pixels."""
         return sum(o.pixels for o in self.train)
 
+    def forget(self) -> None:
+        """Drops what the images keep for fits, gigabytes of large images; it is computed again where it is needed."""
+        for o in (*self.train, *self.test):
+            o.view.forget()
+            if o.layers.supersampled is not None:
+                o.layers.supersampled.forget()
+
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """Returns the mean noise floor of observations, DN^2."""
         return float(np.mean([self.noise_variances[o.key] for o in observations]))

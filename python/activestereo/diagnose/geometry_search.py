@@ -13,7 +13,6 @@ those of views at rest keeps its stated pose, so that an effect can explain it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from hashlib import blake2b
 from typing import Any
 
@@ -120,11 +119,14 @@ def gather_where_it_stands(
             return near
         capture = geometry.capture()
         return gather(capture, render(capture), seed, geometry)
-    if near is None:
+
+    def start() -> tuple[Evidence, _Step]:
+        if near is not None:
+            return _start(near, capture, render, model)
         evidence = gather(capture, render(capture), seed)
-        evidence = _searched(evidence, _step(evidence, model), render, model, _BLURS_PX, draft)
-    else:
-        evidence = _searched(*_start(near, capture, render, model), render, model, (), draft)
+        return evidence, _step(evidence, model)
+
+    evidence = _searched(start, render, model, _BLURS_PX if near is None else (), draft)
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
     return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
@@ -137,6 +139,7 @@ def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> tu
     step = _step(near, model)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
         return near, step
+    near.forget()
     stated = gather(capture, render(capture), near.seed)
     from_stated = _step(stated, model)
     return (stated, from_stated) if from_stated.left < step.left else (near, step)
@@ -156,45 +159,43 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
 
 
 def _searched(
-    evidence: Evidence,
-    step: _Step,
+    start: Callable[[], tuple[Evidence, _Step]],
     render: Render,
     model: Model,
     blurs_px: Sequence[float],
     draft: Render | None = None,
 ) -> Evidence:
-    """Searches the geometry, and returns the evidence rendered there. step: _step(evidence, model). With blurs it makes
-    one step per blur and a last sharp step, else two sharp steps. Blurred images reveal larger errors, but are used
-    only if sharp images need a correction. draft: as of gather_where_it_stands()."""
-
-    def again(geometry: Geometry, render: Render = render) -> Evidence:
-        capture = geometry.capture()
-        return gather(capture, render(capture), evidence.seed, geometry)
-
-    if _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE:
-        on_the_way, there = partial(again, render=draft or render), evidence
-        if not blurs_px:  # two sharp steps: a view's move has hidden the model's effect so far
-            there = _moved(there, step.focal, step.twists, on_the_way)
-        for sigma_px in blurs_px:
-            step = _step(there, model, sigma_px)
-            there = _moved(there, step.focal, step.twists, on_the_way)
-        step = _step(there, model)
-        last = _moved(there, step.focal, step.twists, again)
-        is_draft = last is there and there is not evidence and draft is not None
-        evidence = again(there.geometry) if is_draft else last
+    """Searches the geometry, and returns the evidence rendered there. start: returns the evidence to start from and
+    _step() there. With blurs it makes one step per blur and a last sharp step, else two sharp steps. Blurred images
+    reveal larger errors, but are used only if sharp images need a correction. draft: as of gather_where_it_stands().
+    Only one evidence is held at a time, since those of large images take gigabytes."""
+    evidence, step = start()
+    is_off = _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE
+    # Without blurs the first step counts: a view's move has hidden the model's effect so far.
+    plan: list[float | None] = [*blurs_px, 0.0] if blurs_px else [None, 0.0]
+    seed, is_draft = evidence.seed, False
+    for number, sigma_px in enumerate(plan if is_off else (), 1):
+        by = render if draft is None or number == len(plan) else draft
+        if sigma_px is not None:
+            step = _step(evidence, model, sigma_px)
+        geometry = _corrected(evidence, step.focal, step.twists)
+        if geometry is None and is_draft and by is render:
+            geometry = evidence.geometry
+        if geometry is not None:
+            del evidence
+            capture, is_draft = geometry.capture(), by is draft
+            evidence = gather(capture, by(capture), seed, geometry)
     return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 
-def _moved(
-    evidence: Evidence, focal: np.ndarray, twists: np.ndarray, again: Callable[[Geometry], Evidence]
-) -> Evidence:
-    """Returns the evidence at the corrected geometry, made by again(geometry). If the images hardly change, it returns
-    the evidence itself. Moving poses with far larger corrections than the others go back to their stated values."""
+def _corrected(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> Geometry | None:
+    """Returns the corrected geometry; None if the images hardly change. Moving poses with far larger corrections than
+    the others go back to their stated values."""
     twists, stated = twists.copy(), _pose_mask(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
     if _change(evidence, focal, twists) < _LINEAR_SHARE:
-        return evidence
-    return again(evidence.geometry.moved(focal, twists))
+        return None
+    return evidence.geometry.moved(focal, twists)
 
 
 def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
@@ -273,15 +274,19 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
         twists[held], variance = _own_step(there, others, prior, own, space, space.start, phi, None, not blur_px)
         return twists, variance
 
+    def moved(there: Evidence, twists: np.ndarray) -> Evidence:
+        geometry = _corrected(there, unmoved, twists)
+        return there if geometry is None else again(geometry)
+
     there = again(evidence.geometry)
     if not held.any():
         return there
     twists, variance = step(there, 0.0)
     if _change(there, unmoved, twists) >= _LINEAR_SHARE:
         for sigma_px in _BLURS_PX:
-            there = _moved(there, unmoved, step(there, sigma_px)[0], again)
+            there = moved(there, step(there, sigma_px)[0])
         twists, variance = step(there, 0.0)
-        there = _moved(there, unmoved, twists, again)
+        there = moved(there, twists)
     deviations = there.geometry.deviations.copy()
     deviations[len(SIDES) :][held] = np.sqrt(_misfit(fitter, solution) * variance)
     return replace(there, geometry=replace(there.geometry, deviations=deviations))

@@ -241,7 +241,7 @@ def test_a_lens_that_distorts_moves_nothing(capture, lab_world, lab_cache):
     hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
     evidence = hiding(capture, hidden, lab_world, lab_cache)
     step = _step(evidence, Model())
-    assert _searched(evidence, step, render_never, Model(), (3.0,)).geometry.is_as_stated()
+    assert _searched(lambda: (evidence, step), render_never, Model(), (3.0,)).geometry.is_as_stated()
 
 
 def test_what_only_motion_shows_is_no_move_of_its_view(capture, lab_world, lab_cache):
