@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Capture, Frame, ImageKey, usual_samples
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.render import Halves, LayersOfFrames
 from activestereo.effects import Light, Model, View, engines
-from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, loaded_scene
 from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, halves
@@ -113,28 +113,35 @@ def _kept(
 
 def engine_lights(
     capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
-    layers: Mapping[int, Mapping[str, Layers]], views: Mapping[ImageKey, View], cache: LayerCache,
+    base: tuple[LayersOfFrames, Halves], views: Mapping[ImageKey, View], cache: LayerCache,
     progress: Progress | None = None,
 ) -> list[Callable[[ImageKey], Light]]:  # fmt: skip
-    """Renders a model's light on the imager in two independent halves of the samples. Returns three functions of (frame
-    id, side): the halves' mean, the first half and the second. Effects that the engines lack are applied by their
-    formulas. layers: {frame id: {side: Layers}} of the base model; only `flat` is used. cache: stores the light."""
+    """Computes a model's light on the imager in two independent halves of the samples. Returns three functions of
+    (frame id, side): the halves' mean, the first half and the second. The light is the base model's plus the difference
+    of two renders with the same random numbers, with and without the model. Errors of two models then differ by the
+    models alone, not by how each is rendered. Effects that the engines lack are applied by their formulas. base: (mean,
+    halves) of the base model's layers. cache: stores the renders."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
-    of_halves = [
-        kept_lights(
-            capture, renderer, cache, traced, capture.frames, scene_measurement,
-            part_of(progress, half / 2, (half + 1) / 2), half,
-        )
-        for half in HALVES
-    ]  # fmt: skip
 
-    def light(of: Sequence[Mapping[ImageKey, NDArray[np.float32]]], key: ImageKey) -> Light:
-        seen = np.mean([images[key] for images in of], axis=0, dtype=np.float64)
-        flat = np.asarray(layers[key[0]][key[1]].flat, dtype=np.float64)
-        return outside.light(Light.of_images([*seen, flat]), views[key])
+    def render(half: int, model: Model, known: SceneMeasurement | None, step: int) -> Mapping[ImageKey, NDArray]:
+        share = part_of(progress, (2 * half + step) / 4, (2 * half + step + 1) / 4)
+        return kept_lights(capture, renderer, cache, model, capture.frames, known, share, half)
 
-    return [functools.partial(light, of) for of in (of_halves, of_halves[:1], of_halves[1:])]
+    def change(half: int) -> Mapping[ImageKey, NDArray[np.float32]]:
+        without = render(half, Model(), None, 0)
+        return {key: image - without[key] for key, image in render(half, traced, scene_measurement, 1).items()}
+
+    changes = [change(half) for half in HALVES]
+
+    def light(layers: LayersOfFrames, of: Sequence[Mapping[ImageKey, NDArray[np.float32]]], key: ImageKey) -> Light:
+        images = np.array(Light.of(layers[key[0]][key[1]]).images, dtype=np.float64)
+        images[:-1] += np.mean([change[key] for change in of], axis=0)  # all but `flat`
+        return outside.light(Light.of_images(images), views[key])
+
+    mean, (first, second) = base
+    pairs = (mean, changes), (first, changes[:1]), (second, changes[1:])
+    return [functools.partial(light, layers, of) for layers, of in pairs]
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:

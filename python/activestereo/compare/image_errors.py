@@ -193,7 +193,8 @@ def image_errors(
 
     lights: list[Callable[[ImageKey], Light]] = [partial(light, of) for of in (layers, *base.halves)]
     if engines is not None and not changes_no_ray(model, known):
-        lights = engine_lights(capture, model, known, engines(capture), layers, views, cache or LayerCache(), progress)
+        rays = layers, base.halves
+        lights = engine_lights(capture, model, known, engines(capture), rays, views, cache or LayerCache(), progress)
     mean, *halves = lights
     # Lights are made again where they are needed, because all of them at once take gigabytes.
     fitted = {key: Light.of_images(mean(key).images) for key in views}

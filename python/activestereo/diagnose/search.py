@@ -51,8 +51,8 @@ _PEAK, _NEAR_SWAP = 3, 0.6
 _OF_A_FIELD = -3.0
 # Albedos may be off by so many stated deviations where a named effect changes their meaning.
 _AS_STATED = 0.01
-# A noise term is named only if it is this share of the noise.
-_NOISE_SHARE = 0.1
+# A noise term is named only if it is this share of the noise. Least part of Numbers.least_excess: without structure.
+_NOISE_SHARE, _QUIET = 0.1, 0.5
 
 
 class Search:
@@ -306,9 +306,12 @@ class Search:
                 shares = f"{100 * c.gain / self._chi2:.1f} % of the error, the best one {100 * best / self._chi2:.1f} %"
                 self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
-    def _floor(self) -> float:
-        """Returns the least fall of chi2 to name an effect: a share of chi2 beyond noise, but at least a minimum."""
-        return self._pixels * max(self._numbers.least_excess, self._numbers.least_share * abs(self._excess))
+    def _floor(self, has_share: bool = True) -> float:
+        """Returns the least fall of chi2 to name an effect: a share of chi2 beyond noise, but at least a minimum. The
+        minimum halves where the residual has little structure, since errors of the measured scene leave structure."""
+        numbers, share = self._numbers, self._numbers.least_share * abs(self._excess) if has_share else 0.0
+        quiet = float(np.clip(self._structure / numbers.structure_kept, _QUIET, 1.0))
+        return self._pixels * max(numbers.least_excess * quiet, share)
 
     def _is_another(self, linear: Linear, fit: Refit) -> bool:
         """Returns whether a fit explains more than errors of the named effects' formulas can. Either its gain exceeds
@@ -482,7 +485,7 @@ class Search:
             space, without = ParameterSpace.of(self._solution.model.without_effect(name.id)), self._first
             if len(space.pairs) > len(without.space.pairs):
                 without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
-            if without.sums.total - self._chi2 < self._numbers.least_excess * self._pixels:
+            if without.sums.total - self._chi2 < self._floor(has_share=False):
                 self._names.remove(name)
                 self._needless.add(name.id)
                 self._solution = without

@@ -333,8 +333,14 @@ def _lights(inputs: EngineInputs, lit: _Lit, delay_s: float) -> list[kuafu.Light
 
 def _pose_key(inputs: EngineInputs) -> tuple:
     """Returns a key that is equal for poses with equal images. It leaves out the projector's power, which scales them
-    afterwards."""
-    sides = tuple((record_key(side.camera), record_key(side.optics), side.delay_s) for side in inputs.sides)
+    afterwards, and the shutter of a rig at rest. So these poses have the same place in a batch, and the same random
+    numbers, with an effect of motion and without."""
+    times = {} if inputs.frame.is_moving else dict.fromkeys(("exposure_s", "line_time_s"), 0.0)
+    cameras = (copy_record(side.camera, **times) for side in inputs.sides)
+    sides = tuple(
+        (record_key(camera), record_key(side.optics), side.delay_s)
+        for camera, side in zip(cameras, inputs.sides, strict=True)
+    )
     projector = () if inputs.projector is None else record_key(copy_record(inputs.projector, ir_intensity=1.0))
     pattern = hashlib.sha256(b"" if inputs.pattern is None else inputs.pattern.tobytes())
     return (*sides, projector, pattern.digest(), tuple(map(record_key, inputs.added_lights)), world_key(inputs))
