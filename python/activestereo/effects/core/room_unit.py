@@ -270,10 +270,10 @@ _gain = itemgetter(0)
 
 
 def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
-    """Returns the projector's intensity and pose at the best few places, {parameter: value} each. It uses the images in
-    which the rig's own projector has its least power. Returns [{}], the neutral values, if the residual has no dots."""
-    least = min((image.view.frame.projector_power for image in images), default=0.0)
-    chosen = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
+    """Returns the projector's intensity and pose at the best few places, {parameter: value} each. It uses a few images,
+    first those in which the rig's own projector has its least power. Returns [{}], the neutral values, if the residual
+    has no dots."""
+    chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
     if not chosen or np.mean([_fine_chi2(image) for image in chosen]) < _LEAST_CHI2:
         return [{}]
     seen, view = SeenPoints.of(chosen, _FINE_PIXELS), chosen[0].view
