@@ -302,6 +302,7 @@ def examine(
     chosen, out_of_reach = _within_reach(evidence, candidates)
     outcome = Search(evidence, model, chosen, settings).run()
     outcome.evidence.forget()
+    outcome.fitter.forget()
     told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found, (explained, left, unlike) = told(replace(outcome, rest=with_names), settings=settings)

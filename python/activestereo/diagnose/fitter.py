@@ -202,6 +202,11 @@ class Fitter:
     def phi0(self, nuisances: Nuisances) -> np.ndarray:
         return np.concatenate([nuisances.vector(), np.zeros(len(self.nuisance_prior.sigma))])
 
+    def forget(self) -> None:
+        """Drops the lights and residuals that are kept for further fits."""
+        self._lights = LightMemory(self.observations)
+        self._residuals.clear()
+
     def lights(self, space: ParameterSpace, theta: np.ndarray) -> list[Light]:
         """Returns the light of every observation under the parameters theta."""
         model = space.model(theta)

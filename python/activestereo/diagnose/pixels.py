@@ -22,8 +22,9 @@ from activestereo.diagnose.evidence import BLOCK_PX, Observation
 from activestereo.effects import Effect, Light, Model, View
 from activestereo.effects.core.model import acted, scales
 
-# Lights to keep per observation: those after a model's first effects, before the last one.
-_REMEMBERED = 3
+# Lights to keep per observation: those after a model's first effects, before the last one. Of images with more pixels
+# one is kept, because they take gigabytes.
+_REMEMBERED, _LARGE_PIXELS = 3, 250_000
 # Attributes of a frame that effects may read if several frames share a light: first frames of one pose and motion,
 # then also of one temperature.
 _SHARED = ("camera_to_world", "camera_velocity", "is_moving")
@@ -60,6 +61,8 @@ class LightMemory:
         self._observations = observations
         self._rendered: dict[int, tuple[Light, Light]] = {}  # by the layers, which frames of one pose share
         self._before: OrderedDict[tuple, Light] = OrderedDict()
+        is_large = any(o.measured.size > _LARGE_PIXELS for o in observations)
+        self._most = len(observations) * (1 if is_large else _REMEMBERED)
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
         self._views: list[dict[int, View]] = []
         for shared, firsts in zip(_LEVELS, self._firsts, strict=True):
@@ -96,7 +99,7 @@ class LightMemory:
         key = chain, i, supersampled, id(view)
         if key not in self._before:
             self._before[key] = self._acted(chain[-1], self._remembered(chain[:-1], i, supersampled, view), view)
-            while len(self._before) > _REMEMBERED * len(self._observations):
+            while len(self._before) > self._most:
                 self._before.popitem(last=False)
         self._before.move_to_end(key)
         return self._before[key]
