@@ -44,9 +44,9 @@ from activestereo.diagnose.next_measurement import next_measurements
 from activestereo.diagnose.numbers import NUMBERS, Numbers
 from activestereo.diagnose.outcome import Outcome
 from activestereo.diagnose.ranking import judging_of, parameters_of, probabilities_of, ranking_of, sets_of
-from activestereo.diagnose.refit import Rendering
+from activestereo.diagnose.refit import Rendering, restore_functions
 from activestereo.diagnose.residual_model import effect_stub, residual_model
-from activestereo.diagnose.search import Search, restore_functions
+from activestereo.diagnose.search import Search
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
 from activestereo.diagnose.words import explained, html_of, ranking_figure

@@ -22,7 +22,7 @@ class Numbers:
     alpha: float = _number(0.01, "1", "probability of a name by chance, among all shapes of all effects")
     least_share: float = _number(0.05, "1", "least share of the squared error above the noise that a name removes")
     least_excess: float = _number(0.007, "noise variances", "least fall of the mean square by a name: more "
-        "than the largest of 255 captures that hide nothing; half of it where the residual has no structure")
+        "than all but one of 333 captures that hide nothing; half of it where the residual has no structure")
     formula_error: float = _number(0.035, "1", "share of a name's gain that even rendered images or draws may miss: "
         "the unit of the odds in a set; a further name exceeds it, twice beside formulas, or what these may look like")
     credible: float = _number(0.95, "1", "probability that a set holds")

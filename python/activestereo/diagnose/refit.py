@@ -245,6 +245,13 @@ def refits(
     return found
 
 
+def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
+    """Returns the model with each effect replaced by the candidate of the same id, if there is one. Candidates have the
+    effects' original image functions; a fit may have replaced these by rendered images."""
+    own = {e.id: e for e in candidates}
+    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
+
+
 def formula_error(effect: Effect, otherwise: float) -> float:
     """Returns the share of an effect's squared image change that its formula misses, as measured against the render
     engines; `otherwise` if it was never measured."""

@@ -23,24 +23,17 @@ from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearis
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
-from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits
-from activestereo.diagnose.selection import (
-    Candidate,
-    calibrated,
-    candidates,
-    credible,
-    freed,
-    gain_beyond,
-    stand_ins,
-)
+from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits, restore_functions
+from activestereo.diagnose.selection import Candidate, calibrated, candidates, credible, freed, gain_beyond, stand_ins
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.descriptor import Channel, CodeSteps
 
-# At most _FITTED effects are fitted, if they score more than _NEAR times the best score. A fit gains at most
-# _LINE_SHORT times its score. If that exceeds _CLEAR times the needed gain, random fields need no check.
-_FITTED, _NEAR, _LINE_SHORT, _CLEAR = 4, 0.25, 3.0, 10.0
+# At most _FITTED effects are fitted, if they score more than _NEAR times the best score, and the next ones if no fit
+# gains _VAIN times its score. A fit gains at most _LINE_SHORT times its score. If that exceeds _CLEAR times the needed
+# gain, random fields need no check.
+_FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR = 4, 0.25, 0.1, 3.0, 10.0
 # look() scores all shapes of the effects whose first shape gains more than this share of the best gain.
 _LEADS = 0.1
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
@@ -205,8 +198,10 @@ class Search:
         likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
         again = {n: before.candidates[n] for n in astray} | {n: found[n] for n in lost if n in found}
         likely += [c for c in again.values() if c not in likely]
-        given = self._solution.model, self._solution.phi, likely, self._chi2, self._rendering, self._settings.workers
-        fits = refits(self._fitter, self._scored, *given)
+        fits = self._fits(likely)
+        if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
+            hidden = [c for c in found.values() if c not in likely and _LINE_SHORT * c.gain > floor]
+            fits |= self._fits(hidden[:_FITTED])
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
@@ -243,6 +238,11 @@ class Search:
         self._accept_last(fits)
         self._draw_again()
         return True
+
+    def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
+        """Fits each candidate alone beside the present model; returns {effect: Refit}."""
+        given = self._solution.model, self._solution.phi, chosen, self._chi2, self._rendering, self._settings.workers
+        return refits(self._fitter, self._scored, *given)
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
         """Subtracts the predicted draws of a named random field from the measured images, in place of its earlier
@@ -490,10 +490,3 @@ class Search:
                 self._needless.add(name.id)
                 self._solution = without
                 self._rows = self._whole.residuals(without)
-
-
-def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
-    """Returns the model with each effect replaced by the candidate of the same id, if there is one. Candidates have the
-    effects' original image functions; a fit may have replaced these by rendered images."""
-    own = {e.id: e for e in candidates}
-    return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))

@@ -76,6 +76,10 @@ class Candidate:
     starts: tuple[tuple[Atom, dict[str, float]], ...]
 
     @property
+    def id(self) -> str:
+        return self.best.atom.effect.id
+
+    @property
     def gain(self) -> float:
         return self.best.gain
 
