@@ -61,7 +61,7 @@ class LightMemory:
         self._observations = observations
         self._rendered: dict[int, tuple[Light, Light]] = {}  # by the layers, which frames of one pose share
         self._before: OrderedDict[tuple, Light] = OrderedDict()
-        is_large = any(o.measured.size > _LARGE_PIXELS for o in observations)
+        is_large = any(o.layers.direct.size > _LARGE_PIXELS for o in observations)
         self._most = len(observations) * (1 if is_large else _REMEMBERED)
         self._firsts = [_firsts_of_groups(observations, shared) for shared in _LEVELS]
         self._views: list[dict[int, View]] = []
