@@ -201,7 +201,7 @@ class Search:
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
             hidden = [c for c in found.values() if c not in likely and _LINE_SHORT * c.gain > floor]
-            fits |= self._fits(hidden[:_FITTED])
+            fits |= self._fits(hidden[:_FITTED]) if hidden else {}
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():
