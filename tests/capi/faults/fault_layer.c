@@ -10,9 +10,11 @@
 
 static atomic_int countdown[FAULT_COUNT] = {-1, -1, -1};
 static atomic_int fired[FAULT_COUNT];
+static atomic_int devices;
 
 EXPORT void fault_arm(fault what, int after) { atomic_store(&countdown[what], after); }
 EXPORT int fault_fired(fault what) { return atomic_load(&fired[what]); }
+EXPORT int fault_devices(void) { return atomic_load(&devices); }
 
 static int fails(fault what) {
   int left = atomic_load(&countdown[what]);
@@ -26,6 +28,7 @@ static int fails(fault what) {
 /* The next functions down the chain. One driver serves the tests, so one set is enough. */
 static PFN_vkGetInstanceProcAddr next_instance_function;
 static PFN_vkGetDeviceProcAddr next_device_function;
+static PFN_vkDestroyDevice next_destroy_device;
 static PFN_vkAllocateMemory next_allocate;
 static PFN_vkQueueSubmit next_submit;
 static PFN_vkCreateComputePipelines next_pipelines;
@@ -70,13 +73,21 @@ static VKAPI_ATTR VkResult VKAPI_CALL create_device(VkPhysicalDevice physical, c
   const PFN_vkCreateDevice create = (PFN_vkCreateDevice)instance_function(VK_NULL_HANDLE, "vkCreateDevice");
   const VkResult result = create(physical, info, callbacks, out);
   if (result != VK_SUCCESS) return result;
+  atomic_fetch_add(&devices, 1);
+  next_destroy_device = (PFN_vkDestroyDevice)next_device_function(*out, "vkDestroyDevice");
   next_allocate = (PFN_vkAllocateMemory)next_device_function(*out, "vkAllocateMemory");
   next_submit = (PFN_vkQueueSubmit)next_device_function(*out, "vkQueueSubmit");
   next_pipelines = (PFN_vkCreateComputePipelines)next_device_function(*out, "vkCreateComputePipelines");
   return VK_SUCCESS;
 }
 
+static VKAPI_ATTR void VKAPI_CALL destroy_device(VkDevice device, const VkAllocationCallbacks* callbacks) {
+  next_destroy_device(device, callbacks);
+  if (device != VK_NULL_HANDLE) atomic_fetch_sub(&devices, 1);
+}
+
 static PFN_vkVoidFunction own_device_function(const char* name) {
+  if (!strcmp(name, "vkDestroyDevice")) return (PFN_vkVoidFunction)destroy_device;
   if (!strcmp(name, "vkAllocateMemory")) return (PFN_vkVoidFunction)allocate;
   if (!strcmp(name, "vkQueueSubmit")) return (PFN_vkVoidFunction)submit;
   if (!strcmp(name, "vkCreateComputePipelines")) return (PFN_vkVoidFunction)pipelines;

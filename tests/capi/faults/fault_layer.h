@@ -16,5 +16,7 @@ typedef enum fault {
 typedef void (*fault_arm_fn)(fault what, int after);
 /* How often such a call has failed since the library was loaded. */
 typedef int (*fault_fired_fn)(fault what);
+/* How many VkDevices there are. */
+typedef int (*fault_devices_fn)(void);
 
 #endif
