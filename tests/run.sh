@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds if needed and runs every test: ctest for C and C++, pytest for Python. Ends with the runners' own closing lines.
 # --full adds what takes long (tests/full.sh): sanitizers, ray tracing pipelines, ARM, the practice captures at full quality.
-# --quick runs, for at most two minutes, the tests of the files that differ from main: C++ by folder, Python by imports.
+# --quick runs, for at most two minutes, the tests of the files that differ from main: C++ by folder, Python by folder and imports.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 full=0 quick=0
@@ -22,31 +22,53 @@ for argument in "$@"; do
 done
 . "$root/capi/packaging/build.sh"
 
-# The C++ test programs and Python test files of the files that differ from main.
-programs_of() {
-  sed -nE 's#^(kuafu|simsense)/src/(\w+)/.*#\1/\2#p; s#^tests/((kuafu|simsense)/\w+)/.*_test\.cpp#\1#p; s#^(capi/device)/.*#\1#p' | sort -u |
-    while read -r folder; do sed -nE "s#^ks_test\((\w+) [^)]*\b$folder\b.*#\1#p" "$root/tests/CMakeLists.txt"; done | sort -u
+# The folders of C++ tests, and the Python test files, of the files that differ from main. Tests mirror the tree; a folder of a library without
+# tests of its own has those of its whole.
+cpp_folders_of() {
+  sed -nE 's#^simsense/src/((cpu|vulkan)/)?(\w+/)?[^/]*$#simsense/\3#p; s#^simsense/shaders/.*#simsense/#p
+    s#^kuafu/(src/(\w+/)|shaders/).*#kuafu/\2#p; s#^capi/device/.*#capi/device/#p
+    s#^tests/((kuafu|simsense|capi)/(\w+/)?)\w+_test\.cpp$#\1#p' | sort -u | while read -r folder; do
+    if compgen -G "tests/$folder*_test.cpp" >/dev/null; then echo "${folder%/}"
+    elif [ "${folder%%/*}" = kuafu ]; then echo kuafu/pathtrace
+    else printf '%s\n' simsense/engine simsense/match; fi
+  done | sort -u
 }
 python_tests_of() {
   while read -r path; do
     case "$path" in
       tests/*/test_*.py) [ ! -f "$path" ] || echo "$path" ;;
-      python/*/*.py) module=${path#python/} module=${module%.py} && grep -rlE "\b${module//\//\\.}\b" --include='test_*.py' tests/python || true ;;
+      python/*/*.py)
+        module=${path#python/} module=${module%.py} package=${module#*/}
+        grep -rlE "\b${module//\//\\.}\b" --include='test_*.py' tests/python || true
+        find "tests/python/${package%%/*}" -maxdepth 1 -name 'test_*.py' 2>/dev/null || true
+        ;;
     esac
+  done | awk '!seen[$0]++'
+}
+# "program filter" for each test program with tests of the folders on stdin: build.ninja knows the program of each test file.
+programs_of() {
+  while read -r folder; do
+    suites=$(sed -nE 's#^(TYPED_)?TEST(_[FP])?\((\w+),.*#*\3?*#p' "tests/$folder"/*_test.cpp | sort -u | paste -sd:)
+    sed -nE "s#^build tests/CMakeFiles/(\w+)\.dir/$folder/\w+_test\.cpp\.o:.*#\1 $suites#p" build/build.ninja
   done | sort -u
 }
 if [ "$quick" -eq 1 ]; then
   cd "$root"
   [ -f build/build.ninja ] || configure -DACTIVESTEREO_TESTS=ON -DACTIVESTEREO_BENCH=OFF
   changed=$({ git diff --name-only "$(git merge-base main HEAD)" && git ls-files --others --exclude-standard; } | sort -u)
-  mapfile -t programs < <(programs_of <<<"$changed")
-  cmake --build build --target product "${programs[@]}" >build/quick.log || { tail -n 30 build/quick.log && exit 1; }
-  for program in "${programs[@]}"; do timeout "$((SECONDS < 118 ? 120 - SECONDS : 2))" "build/bin/$program" --gtest_brief=1 || [ $? -eq 124 ] || exit 1; done
+  mapfile -t programs < <(cpp_folders_of <<<"$changed" | programs_of)
+  cmake --build build --target product "${programs[@]%% *}" >build/quick.log || { tail -n 30 build/quick.log && exit 1; }
+  status=0 over=0
+  for program in "${programs[@]}"; do
+    timeout "$((SECONDS < 103 ? 105 - SECONDS : 2))" "build/bin/${program% *}" --gtest_brief=1 --gtest_filter="${program#* }" || status=$?
+    [ "$status" -ne 124 ] || over=1 status=0
+    [ "$status" -eq 0 ] || exit 1
+  done
   mapfile -t files < <(python_tests_of <<<"$changed")
-  status=0
   ACTIVESTEREO_BUILD="$root/build" PYTHONPATH="$root/build/python" timeout --signal=INT "$((SECONDS < 110 ? 120 - SECONDS : 10))" \
     /usr/bin/python3 -m pytest -q -x tests/architecture "${files[@]}" || status=$?
-  [ "$status" -ne 124 ] || { echo "two minutes are over: bash tests/run.sh runs the rest" && status=0; }
+  [ "$status" -ne 124 ] || over=1 status=0
+  [ "$over" -eq 0 ] || echo "two minutes are over: bash tests/run.sh runs the rest"
   exit "$status"
 fi
 install_packages "$root/capi/packaging/debian-packages.txt" "$root/tests/debian-packages.txt"
