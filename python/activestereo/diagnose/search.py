@@ -195,12 +195,13 @@ class Search:
         if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
-        likely = [c for c in found.values() if c.gain > _NEAR * most][:_FITTED]
+        promising = [c for c in found.values() if _LINE_SHORT * c.gain > floor]
+        likely = [c for c in promising if c.gain > _NEAR * most][:_FITTED]
         again = {n: before.candidates[n] for n in astray} | {n: found[n] for n in lost if n in found}
         likely += [c for c in again.values() if c not in likely]
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
-            hidden = [c for c in found.values() if c not in likely and _LINE_SHORT * c.gain > floor]
+            hidden = [c for c in promising if c not in likely]
             fits |= self._fits(hidden[:_FITTED]) if hidden else {}
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
