@@ -265,18 +265,20 @@ def derivatives_in_dn(
     of_light(image): returns the derivatives of projector light and ambient light, [2][...][height][width]. It is called
     once per pose and camera.
     """
-    views = [(image.side, image.frame.camera_to_world.tobytes()) for image in images]
-    first = dict(reversed(list(zip(views, images, strict=True))))
+    views: dict[Hashable, list[MeasuredImage]] = {}
+    for image in images:
+        views.setdefault((image.side, image.frame.camera_to_world.tobytes()), []).append(image)
+
+    def of_view(seen: list[MeasuredImage]) -> dict[ImageKey, NDArray[np.float32]]:
+        by_light = of_light(seen[0])
+        alike: dict[tuple[float, float], NDArray[np.float32]] = {}  # repeats share theirs
+        for image in seen:
+            if (level := scales(image.frame)) not in alike:
+                levels = np.array([nuisances.projector_scale, nuisances.ambient_scale] * np.array(level), np.float32)
+                expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
+                inside = (expected > 0.0) & (expected < image.view.max_dn)
+                alike[level] = np.tensordot(levels, by_light, axes=1) * inside
+        return {image.key: alike[scales(image.frame)] for image in seen}
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        known = dict(zip(first, pool.map(of_light, first.values()), strict=True))
-    alike: dict[Hashable, NDArray[np.float32]] = {}  # repeats share theirs
-    out = {}
-    for light, image in zip(views, images, strict=True):
-        projector, ambient = scales(image.frame)
-        if (of_both := (light, projector, ambient)) not in alike:
-            levels = np.array([nuisances.projector_scale * projector, nuisances.ambient_scale * ambient], np.float32)
-            expected = predict(image.frame, image.layers, nuisances, image.view.max_dn)
-            inside = (expected > 0.0) & (expected < image.view.max_dn)
-            alike[of_both] = np.tensordot(levels, known[light], axes=1) * inside
-        out[image.key] = alike[of_both]
-    return out
+        return {key: slopes for own in pool.map(of_view, views.values()) for key, slopes in own.items()}
