@@ -29,6 +29,7 @@ class Builders {
 
   template <class F>
   void start(F&& build) {
+    std::atexit([] { get().wait(); });  // for each: an exit ends first what was made last, and drivers make statics as they compile
     const std::lock_guard lock(mutex_);
     std::thread([this, build = std::forward<F>(build)]() mutable {
       {
@@ -43,9 +44,7 @@ class Builders {
   }
 
  private:
-  Builders() {
-    std::atexit([] { get().wait(); });
-  }
+  Builders() = default;
 
   void wait() {
     if (getpid() != process_) return;  // a forked child has none of the threads
