@@ -17,7 +17,7 @@ from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.diagnose.evidence import NuisancePrior, Observation
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.pixels import DENSE, SCALES, AllPixels, LightMemory, Pixels, Sums, exposed
-from activestereo.effects import Effect, Light, Model, Parameter, Randomness, Stage
+from activestereo.effects import Effect, Light, Model, Parameter, Stage
 from activestereo.effects.core.model import Nuisances
 
 # The step of a finite difference: this share of a parameter's typical value, or of a quarter of its distance from
@@ -49,7 +49,7 @@ class ParameterSpace:
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
         """Makes the space of a model's deterministic effects and of a candidate. A fit starts at the model's values,
         and at the neutral values of the candidate."""
-        fitted = [(e, values) for e, values in model.effects if e.randomness is Randomness.NONE]
+        fitted = [(e, values) for e, values in model.effects if e.is_in_mean]
         pairs = [(e, p) for e, _ in fitted for p in e.parameters]
         start = [values[p.name] for e, values in fitted for p in e.parameters]
         if candidate is not None:

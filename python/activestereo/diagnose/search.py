@@ -28,7 +28,7 @@ from activestereo.diagnose.selection import Candidate, calibrated, candidates, c
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
-from activestereo.effects.core.descriptor import Channel, CodeSteps
+from activestereo.effects.core.descriptor import Channel
 
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score, and the next ones if no fit
 # gains _VAIN times its score. A fit gains at most _LINE_SHORT times its score. If that exceeds _CLEAR times the needed
@@ -67,7 +67,7 @@ class Search:
         self._first = self._solution = fitted_model(self._fitter, given, self._fitter.phi0(evidence.nuisances))
         self._rows = self._whole.residuals(self._solution)
         self._noise, self._unjudged = self._name_noise()
-        has_steps = any(isinstance(j, CodeSteps) for n in self._names for j in n.effect.judged)
+        has_steps = any(n.effect.rounds for n in self._names)
         self._comb = comb_in(evidence) if has_steps else None
         self._rounded: dict[ImageKey, NDArray[np.float64]] = {}
         self._less_rounding()

@@ -16,7 +16,7 @@ from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.diagnose.pixels import LightMemory
-from activestereo.effects import Model, Randomness, Stage, View
+from activestereo.effects import Model, Stage, View
 from activestereo.report.diagnosis import ROWS
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def model_images(
         values = {name: parameter["value"] for name, parameter in entry["parameters"].items()}
         model = _add_effect(start, effects, entry["effect"], values)
         own = [effect for effect, _ in model.effects if effect.id == entry["effect"]]
-        if any(effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE for effect in own):
+        if any(effect.stage <= Stage.DIGITAL and effect.is_in_mean for effect in own):
             models[entry["effect"]] = model
     return _predicted(comparison, models, given, progress)
 

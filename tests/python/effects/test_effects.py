@@ -197,6 +197,16 @@ def test_the_expected_value_is_the_mean_of_exposures():
     assert (mean - expected)[inside].mean() == pytest.approx(0.0, abs=0.05)
 
 
+def test_noise_removes_the_mean_error_of_coarse_steps():
+    view, step_dn, rng = example_view(), 8.0, np.random.default_rng(4)
+    model = Model().with_effect(EFFECTS["quantisation"], step_dn=step_dn)
+    clean = np.linspace(20.0, 60.0, view.shape[1]) * np.ones(view.shape)
+    noisy = (clean + 0.5 * step_dn * rng.standard_normal(clean.shape) for _ in range(400))
+    mean = np.mean([model.digital(value, view, 0.0, random=True).mean(axis=0) for value in noisy], axis=0)
+    assert np.abs(mean - model.digital(clean, view, 0.0)[0]).max() < 0.1 * step_dn
+    assert np.all(model.digital(clean, view, 0.0, random=True) % step_dn == 0.0)
+
+
 def test_stages_of_python_are_those_of_c():
     header = (Path(__file__).resolve().parents[3] / "capi/include/ks/effect.h").read_text(encoding="utf-8")
     in_c = {name: int(value) for name, value in re.findall(r"#define KS_STAGE_(\w+) (\d+)u", header)}

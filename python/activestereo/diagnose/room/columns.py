@@ -21,7 +21,7 @@ from activestereo.capture.capture import SIDES
 from activestereo.diagnose.room.bands import BANDS
 from activestereo.diagnose.room.light import RoomLight
 from activestereo.effects import Effect, Light, Stage, View
-from activestereo.effects.core.descriptor import Channel, Parameter, Randomness
+from activestereo.effects.core.descriptor import Channel, Parameter
 from activestereo.effects.core.model import acted
 
 # Warps are linear only in small steps: this share of the typical value.
@@ -233,7 +233,7 @@ def is_alike_in_views(effect: Effect) -> bool:
     """Returns whether an effect in the camera changes all views by one law, without chance."""
     if effect.id in (_PERIODIC, "black_level"):
         return False
-    own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.randomness is Randomness.NONE
+    own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.is_in_mean
     return own and effect.channel is Channel.EXPECTED_IMAGE
 
 

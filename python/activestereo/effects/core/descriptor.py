@@ -256,6 +256,16 @@ class Effect:
                     raise ValueError(f"effect {self.id}: is judged by a parameter '{name}' that it does not have")
 
     @property
+    def rounds(self) -> bool:
+        """Returns whether the effect rounds digital numbers to coarse steps."""
+        return any(isinstance(j, CodeSteps) for j in self.judged)
+
+    @property
+    def is_in_mean(self) -> bool:
+        """Returns whether the effect changes the mean of many exposures. Noise removes the mean error of rounding."""
+        return self.randomness is Randomness.NONE and not self.rounds
+
+    @property
     def channel(self) -> Channel | None:
         """Returns the kind of data on which the lab judges the effect. None: the lab does not judge it, for the reason
         in unjudged_reason."""
@@ -263,7 +273,7 @@ class Effect:
             return None
         if self.stage > Stage.DIGITAL:
             return Channel.DEPTH_ENGINE if self.randomness is Randomness.NONE else None
-        if any(isinstance(j, CodeSteps) for j in self.judged):
+        if self.rounds:
             return Channel.NOISE_MODEL
         if self.randomness is Randomness.NONE:
             return Channel.EXPECTED_IMAGE

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from activestereo.capture.capture import Frame
-from activestereo.effects.core.descriptor import Effect, Randomness, Stage
+from activestereo.effects.core.descriptor import Effect, Stage
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.view import Layers, View
 
@@ -63,7 +63,8 @@ class Model:
 
     def signal(self, light: Light | Layers, view: View, nuisances: Nuisances, random: bool = False) -> np.ndarray:
         """Returns DN [height][width] of a light, black level included. random=False: the expected value, without random
-        effects. random=True: one exposure. Values are rounded only by effects."""
+        effects, and without rounding, whose mean error noise removes. random=True: one exposure. Values are rounded
+        only by effects."""
         projector, ambient = scales(view.frame)
         value = (
             nuisances.projector_scale * projector * light.projector + nuisances.ambient_scale * ambient * light.ambient
@@ -104,7 +105,7 @@ class Model:
     def _select(self, first: Stage, last: Stage, random: bool) -> tuple[tuple[Effect, dict[str, float]], ...]:
         chosen = [(e, p) for e, p in self.effects if first <= e.stage <= last]
         if not random:
-            chosen = [(e, p) for e, p in chosen if e.randomness is Randomness.NONE]
+            chosen = [(e, p) for e, p in chosen if e.is_in_mean]
         return tuple(sorted(chosen, key=lambda pair: pair[0].stage))
 
 

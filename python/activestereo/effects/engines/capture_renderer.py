@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
 from activestereo.common.progress_bar import Progress, part_of
-from activestereo.effects.core.descriptor import Randomness
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Nuisances
 from activestereo.effects.core.view import Layers, View
@@ -127,7 +126,7 @@ class CaptureRenderer:
         calibration and settings, the scene measurement's corrections, then the model's deterministic effects. Random
         effects are left out, since images are expected values."""
         pattern, made = capture.rig.projector.pattern(), []
-        expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.randomness is Randomness.NONE]
+        expected = [(e, e.on_pixels(p, capture.binning)) for e, p in model.effects if e.is_in_mean]
         with self._loaded(capture.scene_path) as world:
             for frame in capture.frames if frames is None else frames:
                 inputs = capture_inputs(capture, frame, world.scene, pattern, self.seed)
