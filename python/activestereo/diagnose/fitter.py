@@ -47,8 +47,8 @@ class ParameterSpace:
 
     @classmethod
     def of(cls, model: Model, candidate: Effect | None = None) -> "ParameterSpace":
-        """Makes the space of a model's deterministic effects and of a candidate. A fit starts at the model's values,
-        and at the neutral values of the candidate."""
+        """Makes the space of a model's effects on expected images and of a candidate. A fit starts at the model's
+        values, and at the neutral values of the candidate."""
         fitted = [(e, values) for e, values in model.effects if e.is_in_mean]
         pairs = [(e, p) for e, _ in fitted for p in e.parameters]
         start = [values[p.name] for e, values in fitted for p in e.parameters]

@@ -215,6 +215,8 @@ def refits(
     """Fits each chosen effect alone beside a model; returns {effect: Refit}. scored: a fitter with few images, for
     first steps. phi: nuisances to start from. base_chi2: chi2 of the model without them. rendering: renders effects of
     air and surfaces, in place of their formulas; None keeps the formulas."""
+    if not chosen:
+        return {}
     starts = {c.best.atom.effect.id: c.starts for c in chosen}
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     base = ParameterSpace.of(model)

@@ -201,8 +201,7 @@ class Search:
         likely += [c for c in again.values() if c not in likely]
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
-            hidden = [c for c in promising if c not in likely]
-            fits |= self._fits(hidden[:_FITTED]) if hidden else {}
+            fits |= self._fits([c for c in promising if c not in likely][:_FITTED])
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():

@@ -233,8 +233,7 @@ def is_alike_in_views(effect: Effect) -> bool:
     """Returns whether an effect in the camera changes all views by one law, without chance."""
     if effect.id in (_PERIODIC, "black_level"):
         return False
-    own = Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.is_in_mean
-    return own and effect.channel is Channel.EXPECTED_IMAGE
+    return Stage.CAMERA <= effect.stage <= Stage.DIGITAL and effect.channel is Channel.EXPECTED_IMAGE
 
 
 def _difference(effect: Effect, p: Parameter, value: float, views: list[View], black_dn: float) -> Change:

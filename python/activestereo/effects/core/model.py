@@ -57,8 +57,8 @@ class Model:
 
     @property
     def is_linear(self) -> bool:
-        """Returns whether no deterministic effect acts between the lens and the digital numbers. signal() is then
-        linear but for clipping."""
+        """Returns whether no effect on expected images acts between the lens and the digital numbers. signal() is
+        then linear but for clipping."""
         return not self._select(Stage.CHARGE, Stage.DIGITAL, False)
 
     def signal(self, light: Light | Layers, view: View, nuisances: Nuisances, random: bool = False) -> np.ndarray:
