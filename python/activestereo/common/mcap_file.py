@@ -12,6 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from activestereo.common.optional import imported
+
+ROSBAGS = "rosbags", "rosbags is missing: pip install rosbags"
+
 
 def image_message(make: Callable[..., Any], header: Any, pixels: NDArray[Any], encoding: str) -> Any:
     """Makes a sensor_msgs/msg/Image of pixels [height, width(, channels)]. make(type, **fields): makes a message."""
@@ -57,11 +61,10 @@ class McapFile:
     ImportError if rosbags is missing."""
 
     def __init__(self, path: str | Path, own_types: Mapping[str, str] | None = None) -> None:
-        try:
-            from rosbags.rosbag2 import StoragePlugin, Writer
-            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-        except ImportError as error:
-            raise ImportError("rosbags is missing: pip install rosbags") from error
+        imported(*ROSBAGS)
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
         self._store = get_typestore(Stores.ROS2_HUMBLE)
         for kind, text in (own_types or {}).items():
             self._store.register(get_types_from_msg(text, kind))

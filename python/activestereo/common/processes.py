@@ -17,7 +17,7 @@ from multiprocessing import current_process, get_all_start_methods, get_context,
 from multiprocessing.connection import wait
 from typing import Any, Literal
 
-_MOST_LOSSES = 3  # pools in a row that end without a result
+MOST_LOSSES = 3  # pools in a row that end without a result
 # {number: (work, items)} of the calls of forked() under way, which forked processes find here.
 _jobs: dict[int, tuple[Callable[[Any], object], Sequence[Any]]] = {}
 _numbers = count()
@@ -54,7 +54,7 @@ def done_in_pools(
                 else:
                     yield futures[future], future
         losses = losses + 1 if len(lost) == len(left) else 0
-        if losses == _MOST_LOSSES:
+        if losses == MOST_LOSSES:
             yield from lost.items()
             return
         left = sorted(lost)

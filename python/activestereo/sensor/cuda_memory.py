@@ -23,6 +23,7 @@ from numpy.typing import DTypeLike, NDArray
 
 import simsense
 from activestereo.camera.config_limits import DEPTH_MAPS
+from activestereo.common.optional import imported
 
 _OPAQUE_FD, _DEDICATED = 1, 1
 
@@ -190,10 +191,8 @@ def require_no_capture() -> None:
 
 
 def _torch() -> Any:
-    try:
-        import torch
-    except ImportError as error:
-        raise RuntimeError("arrays on CUDA need torch (pip install torch); the host's is get_...()") from error
+    needed = "arrays on CUDA need torch (pip install torch); the host's is get_...()"
+    torch = imported("torch", needed, RuntimeError)
     if not torch.cuda.is_available():
         raise RuntimeError("torch sees no CUDA device here: read the host's array, get_...() without _cuda")
     return torch

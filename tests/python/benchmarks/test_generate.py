@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -313,7 +314,7 @@ def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(da
         def finalize(self):
             calls.append("end")
 
-    monkeypatch.setattr(formats, "lerobot_package", lambda: Recorder)
+    monkeypatch.setattr(formats, "imported", lambda *package: SimpleNamespace(LeRobotDataset=Recorder))
     formats.write_lerobot(data_set, 2, tmp_path / "to")
     features, first, *_ = calls
     assert [call for call in calls if isinstance(call, str)] == ["episode", "episode", "end"]

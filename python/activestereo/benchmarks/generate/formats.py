@@ -23,18 +23,18 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
 from activestereo.common.input_files import read_json
-from activestereo.common.mcap_file import McapFile, camera_info_message, image_message
+from activestereo.common.mcap_file import ROSBAGS, McapFile, camera_info_message, image_message
+from activestereo.common.optional import imported
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-
-
-def lerobot_package() -> Any:
-    """Imports and returns LeRobotDataset. Raises ImportError if it is missing."""
-    try:
-        from lerobot.datasets.lerobot_dataset import LeRobotDataset
-    except ImportError as error:
-        raise ImportError("lerobot is missing: pip install 'lerobot[dataset]', which needs Python 3.12") from error
-    return LeRobotDataset
+# {format: (module of its package, what to say if it is missing)}.
+_PACKAGES = {
+    "lerobot": (
+        "lerobot.datasets.lerobot_dataset",
+        "lerobot is missing: pip install 'lerobot[dataset]', which needs Python 3.12",
+    ),
+    "mcap": ROSBAGS,
+}
 
 
 def write_lerobot(out: Path, count: int, to: Path) -> None:
@@ -57,7 +57,7 @@ def write_lerobot(out: Path, count: int, to: Path) -> None:
             }
             features["observation.state"] = {"dtype": "float32", "shape": (len(_STATE),), "names": list(_STATE)}
             features["observation.rgb_k"] = {"dtype": "float32", "shape": (9,), "names": None}
-            data = lerobot_package().create(
+            data = imported(*_PACKAGES["lerobot"]).LeRobotDataset.create(
                 f"activestereo/{out.name}", FRAMES_PER_S, features, root=to, robot_type="camera", use_videos=False
             )
         pose = frame.camera_to_world
@@ -70,15 +70,6 @@ def write_lerobot(out: Path, count: int, to: Path) -> None:
 
 
 _COLOR = "camera_color_optical_frame"
-
-
-def mcap_package() -> Any:
-    """Imports and returns the module rosbags. Raises ImportError if it is missing."""
-    try:
-        import rosbags
-    except ImportError as error:
-        raise ImportError("rosbags is missing: pip install rosbags") from error
-    return rosbags
 
 
 def write_mcap(out: Path, count: int, to: Path) -> None:
@@ -127,14 +118,13 @@ def _lens(camera: dict[str, Any]) -> tuple[NDArray[np.float64], list[float]]:
     return np.reshape(np.array(camera["cam_K"], np.float64), (3, 3)), list(camera["distortion"])
 
 
-# {name: (function that imports its package, function that writes it)}.
-FORMATS = {"lerobot": (lerobot_package, write_lerobot), "mcap": (mcap_package, write_mcap)}
+FORMATS = {"lerobot": write_lerobot, "mcap": write_mcap}
 
 
 def require_formats(names: list[str]) -> None:
     """Raises ImportError, with the packages to install, if a format's package is missing."""
     for name in names:
-        FORMATS[name][0]()
+        imported(*_PACKAGES[name])
 
 
 def write_formats(out: Path, count: int, names: list[str]) -> None:
@@ -144,7 +134,7 @@ def write_formats(out: Path, count: int, names: list[str]) -> None:
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()
     for name in names:
-        FORMATS[name][1](out, count, aside / name)
+        FORMATS[name](out, count, aside / name)
         shutil.rmtree(out / name, ignore_errors=True)
         (aside / name).rename(out / name)
     aside.rmdir()

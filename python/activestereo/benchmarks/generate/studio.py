@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.input_files import read_toml
+from activestereo.common.optional import imported
 from activestereo.common.pose import CAMERA_TO_BODY, look_at, pose_matrices, rigid_motion
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
@@ -190,11 +191,8 @@ def scatter(things: list[Thing], ranges: Ranges, random: np.random.Generator) ->
 
 def physics() -> tuple[Any, Any]:
     """Imports and returns the modules mujoco and trimesh. Raises ImportError if one is missing."""
-    try:
-        import mujoco
-        import trimesh
-    except ImportError as error:
-        raise ImportError(f"the layout 'drop' needs the package {error.name} (pip install mujoco trimesh)") from error
+    text = "the layout 'drop' needs the package {} (pip install mujoco trimesh)"
+    mujoco, trimesh = (imported(name, text.format(name)) for name in ("mujoco", "trimesh"))
     return mujoco, trimesh
 
 

@@ -34,6 +34,7 @@ from activestereo.capture.importers.frames import INFRARED
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS, frame_files
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
+from activestereo.common.optional import imported
 from activestereo.common.output_files import write_png, write_text
 from activestereo.common.pose import printed_motion
 
@@ -290,18 +291,14 @@ def _with_metadata(path: Path) -> Iterator[Path]:
 def _opened(path: Path) -> Iterator[Any]:
     """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, on opening or inside the
     block."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ValueError(
-            f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
-        ) from error
+    missing = f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
+    reading, types = (imported(name, missing, ValueError) for name in ("rosbags.highlevel", "rosbags.typesys"))
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
     is_lone_db3 = path.suffix == ".db3" and path.is_file() and not is_part
     folder = _with_metadata(path) if is_lone_db3 else nullcontext(path.parent if is_part else path)
     try:
-        with folder as source, AnyReader([source], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+        with folder as source, reading.AnyReader([source], default_typestore=store) as reader:
             yield reader
     except ValueError:
         raise

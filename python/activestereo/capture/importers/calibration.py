@@ -31,6 +31,7 @@ from activestereo.capture.importers.realsense_text import DeviceText, read_devic
 from activestereo.common.baseline import with_baseline
 from activestereo.common.input_files import read_bytes, read_text
 from activestereo.common.limits import DISTORTION, LENGTH, PIXEL, SIDE, Limits, camera_matrix_fault
+from activestereo.common.optional import imported
 from activestereo.common.pose import printed_motion, rigid_motion
 from activestereo.common.shown import shown
 
@@ -121,13 +122,8 @@ class Entry:
 
 def read_entries(path: Path) -> list[Entry]:
     """Reads a YAML file's mappings, one for each document. Raises ValueError with the file and the fault."""
-    try:
-        import yaml
-    except ImportError as error:
-        raise ValueError(
-            f"{path}: YAML is read by the package PyYAML, which is missing: apt-get install python3-yaml, or pip "
-            "install pyyaml"
-        ) from error
+    mending = "apt-get install python3-yaml, or pip install pyyaml"
+    yaml = imported("yaml", f"{path}: YAML is read by the package PyYAML, which is missing: {mending}", ValueError)
     try:
         text = _OPENCV_DIRECTIVE.sub("", read_bytes(path, _MOST_BYTES).decode("utf-8-sig"), count=1)
         found = [document for document in yaml.load_all(text, yaml.BaseLoader) if document not in _NOTHING]
@@ -135,11 +131,7 @@ def read_entries(path: Path) -> list[Entry]:
         raise ValueError(f"{path}: is no text in UTF-8: {error}") from error
     except RecursionError:
         raise ValueError(f"{path}: is nested too deep") from None
-    except (
-        yaml.YAMLError,
-        ValueError,
-        OverflowError,
-    ) as error:  # such as a character that does not exist: "\\UFFFFFFFF"
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # such as "\\UFFFFFFFF", which no character is
         raise ValueError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not found or not all(isinstance(document, dict) for document in found):
         raise ValueError(f"{path}: has no mapping: ROS' camera_info, Kalibr's camchain or OpenCV's matrices are read")

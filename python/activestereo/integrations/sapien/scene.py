@@ -20,6 +20,7 @@ from sapien.wrapper.actor_builder import ActorBuilder as SapienActorBuilder
 from sapien.wrapper.actor_builder import VisualShapeRecord
 
 import kuafu
+from activestereo.common.optional import imported
 from activestereo.common.pose import as_matrix, camera_to_world
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape
@@ -240,11 +241,8 @@ def record_parts(record: Any) -> Iterator[Part]:
     ValueError for an unreadable file."""
     material = record.material or kuafu.Material(base_color=_GREY)
     if record.type == "file":
-        try:
-            import trimesh
-        except ImportError as error:
-            text = "is read by the package trimesh, which is missing: pip install trimesh"
-            raise ImportError(f"{record.filename} {text}") from error
+        text = f"{record.filename} is read by the package trimesh, which is missing: pip install trimesh"
+        trimesh = imported("trimesh", text)
         try:
             loaded = trimesh.load(record.filename, force="mesh", process=False)
         except Exception as error:  # errors of trimesh's many readers

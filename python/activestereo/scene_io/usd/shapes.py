@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.common.optional import imported
 from activestereo.scene_io import meshes
 from activestereo.scene_io.meshes import Mesh
 
@@ -73,12 +74,8 @@ class Stage:
 def open_stage(path: Path, time_s: float | None) -> Stage:
     """Opens a stage at a time: seconds after its start, or None for each attribute's earliest sample. Raises
     UsdError."""
-    try:
-        from pxr import Tf, Usd
-    except ImportError as error:
-        raise UsdError(
-            f"{path}: USD is read by the package usd-core, which is missing: pip install usd-core, or export glTF"
-        ) from error
+    missing = f"{path}: USD is read by the package usd-core, which is missing: pip install usd-core, or export glTF"
+    Tf, Usd = (imported(name, missing, UsdError) for name in ("pxr.Tf", "pxr.Usd"))
     if not path.is_file():
         raise UsdError(f"{path}: there is no such file")
     try:
