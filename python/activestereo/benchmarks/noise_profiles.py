@@ -148,9 +148,8 @@ def distance(views: Views, depth_m: Depths) -> Distance:
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """Fits a noise model's parameters to the sensor's views and returns the model. The fit minimises distance()'s
-    error_px plus holes, so that a pixel without depth weighs as much as an error of 1 px. Range and geometry are the
-    views'."""
+    """Fits a noise model's parameters to the sensor's views. The fit minimises distance()'s error_px plus holes, so
+    that a pixel without depth weighs as much as an error of 1 px. Range and geometry are the views'."""
     is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND
     rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
     low, high, first = np.transpose(list(kind.FITTED.values()))

@@ -80,8 +80,7 @@ def agreement(
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:  # fmt: skip
     """Computes the Agreement of two worlds from the methods' successes [methods, views]. known: (simulated, real)
-    scores of further methods, which have no views to resample. Raises ValueError if the two differ in methods or
-    views."""
+    scores of methods without views. Raises ValueError if the two differ in methods or views."""
     if simulated.shape != real.shape or simulated.ndim != 2:
         raise ValueError(f"successes of both worlds are [methods, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]
@@ -106,8 +105,7 @@ Scores = dict[str, dict[str, dict[str, NDArray[np.float64]]]]  # criterion, meth
 
 
 def read_scores(paths: Sequence[Path]) -> Scores:
-    """Reads the scores of CSV tables, {criterion: {method: {world: [views]}}}. Raises ValueError with the line or the
-    missing part."""
+    """Reads the scores of CSV tables, {criterion: {method: {world: [views]}}}. Raises ValueError with line or part."""
     values: dict[tuple[str, str], dict[str, dict[str, float]]] = {}
     for path in paths:
         for line, (criterion, method, world, view, value) in _rows(path):

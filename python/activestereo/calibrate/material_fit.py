@@ -190,8 +190,7 @@ def _picture(
 def _box(
     scene: MaterialScene, camera: Camera, pose: NDArray[np.float64], surfaces: Sequence[int]
 ) -> tuple[int, int, int, int] | None:
-    """Returns (left, top, right, bottom) around the object with a margin; None if fewer than 100 of its pixels are
-    visible."""
+    """Returns (left, top, right, bottom) around the object with a margin; None if fewer than 100 pixels are visible."""
     whole = kuafu.Camera(camera.width, camera.height, camera.K, pose)
     v, u = np.nonzero(np.isin(scene.material_ids(whole), surfaces))
     if len(v) < 100:

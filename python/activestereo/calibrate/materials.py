@@ -73,9 +73,8 @@ def calibrate_materials(
     path: Path, object_name: str, seed: int = 0, device: str = "auto", model: SensorModel | None = None,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Materials:  # fmt: skip
-    """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
-    capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
-    of view, no infrared image."""
+    """Measures the materials of an object in the capture at `path`. model: a rig and pattern in place of the capture's.
+    Raises ValueError for no such object, parts without material, surfaces of one name, out of view."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)

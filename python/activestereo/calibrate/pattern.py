@@ -146,8 +146,7 @@ def calibrate_pattern(
 
 
 def _check_rig(rig: CaptureRig, source: str) -> None:
-    """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file, for the
-    message."""
+    """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         remedy = "rectify the images; their capture has zeros then, and calibrate rig takes --rectified"
         raise ValueError(f"{source}: rig.left.distortion: dots are matched along rows: {remedy}")
@@ -203,8 +202,7 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
 
 
 def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
-    """Merges the dots seen on walls at one or several distances into one pattern, and finds the projector's position.
-    views: nearest wall first."""
+    """Merges the dots seen on walls, and finds the projector's position. views: nearest wall first."""
     image = rig.projector.pattern()
     (height, width), rotation = image.shape, rig.projector.left_to_projector[:3, :3]
     right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])

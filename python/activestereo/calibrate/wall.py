@@ -320,8 +320,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 
 
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Intersects rays through the pixels u, v of a camera at camera_m with the plane [n, d]. Returns points [n, 3] in
-    the left camera's frame."""
+    """Intersects rays of pixels u, v with the plane [n, d]. Returns points [n, 3] in the left camera's frame."""
     ray = np.column_stack([*to_tangents(u, v, K), np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
@@ -343,8 +342,7 @@ class ProjectorView:
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Projects points [n, 3] in the left camera's frame. Returns (pattern pixels u, v [n, 2], beams [n, 3] in the
-        projector's axes)."""
+        """Projects the left camera's points: (pattern pixels u, v [n, 2], beams [n, 3] in the projector's axes)."""
         beam = (points - self.position_m) @ self.rotation.T
         u = self.K[0, 0] * beam[:, 0] / beam[:, 2] + self.K[0, 2]
         v = self.K[1, 1] * beam[:, 1] / beam[:, 2] + self.K[1, 2]

@@ -28,8 +28,7 @@ _LONGEST_CHAIN = 8
 
 @dataclass(frozen=True)
 class Field:
-    """The allowed values of a camera figure: `count` numbers (0: one number, not a list) within low..high, or one of
-    `choices`."""
+    """Allowed values of a figure: `count` numbers (0: one number, not a list) within low..high, or one of `choices`."""
 
     doc: str
     unit: str = ""
@@ -97,8 +96,7 @@ def camera_names() -> list[str]:
 
 
 def read_camera(name: str | Path) -> CameraData:
-    """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the figure
-    and its fault."""
+    """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the fault."""
     path = FOLDER / f"{str(name).lower()}.toml"
     if not path.is_file() or "/" in str(name):
         path = Path(name)

@@ -28,8 +28,7 @@ _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's pattern. image: uint8 [height, width]. radiant: the image as relative radiant intensity 0..1,
-    float32 and read-only."""
+    """A projector's pattern. image: uint8 [height, width]. radiant: relative intensity, float32, read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]

@@ -172,8 +172,7 @@ def _missing(error: ImportError) -> str:
 
 
 def _glued(arguments: Sequence[str]) -> list[str]:
-    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value that starts with a minus sign for an
-    option."""
+    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value with a minus sign for an option."""
     out: list[str] = []
     for argument in arguments:
         if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):

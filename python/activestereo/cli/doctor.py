@@ -260,8 +260,7 @@ def _installing(missing: list[str]) -> str:
 
 
 def _without_permission() -> Iterator[Problem]:
-    """Yields problems of access: a container that has NVIDIA's driver without its graphics part, and render nodes that
-    this user may not open."""
+    """Yields problems of access: a container without the graphics part of NVIDIA's driver, and closed render nodes."""
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"

@@ -97,8 +97,7 @@ def _table(effects: dict[str, Effect]) -> str:
 
 
 def _as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
-    """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
-    range."""
+    """Returns a dict per effect: id, stage, family, 'engine' or 'image only', and parameters with unit and range."""
     return [
         {
             "id": e.id,

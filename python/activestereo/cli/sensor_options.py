@@ -73,8 +73,7 @@ _MAPS = ("confidence", "reason")
 
 
 def add_matching(parser: cli.Parser, defaults: Mapping[str, Any]) -> None:
-    """Adds the rare options of the depth engine: matcher and rig parameters, and its maps. defaults: the command's own
-    values."""
+    """Adds the depth engine's rare options: matcher, rig and maps. defaults: the command's own values."""
     text = "Semi-global matching of census descriptors, and what becomes of its depth."
     group = parser.rare_group("matching", text)
     add_options(group, MATCHER, defaults)
@@ -147,8 +146,7 @@ def _field(text: str) -> tuple[str, float | int | list[float] | None]:
 
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
-    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration; other fields keep
-    their values."""
+    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration."""
     if args.ir_signal:
         own, neutral = config.ir_signal, simsense.signal_preset("neutral")
         signal = simsense.signal_preset(own) if isinstance(own, str) else dict(own or {})  # type: ignore[arg-type]

@@ -27,8 +27,7 @@ def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
-    """Computes the Accuracy of the pixels in the mask `where` that have a true depth. measured, true: metres [height,
-    width], 0 = none."""
+    """Computes Accuracy in the mask `where`, at true depths. measured, true: metres [height, width], 0 = none."""
     where = where & (true > 0)
     hit = where & (measured > 0)
     error = np.abs(measured[hit] - true[hit])

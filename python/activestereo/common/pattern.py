@@ -92,8 +92,7 @@ def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _random(seed: int, stream: int, shape: Sequence[int]) -> np.ndarray:
-    """Returns uniform numbers in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) applied to a counter, so they depend on
-    no library's version."""
+    """Returns uniform numbers in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) of a counter, whatever the library."""
     count = np.arange(1, np.prod(shape) + 1, dtype=np.uint64)
     with np.errstate(over="ignore"):
         z = (count + (np.uint64(seed * 4 + stream) << np.uint64(40))) * np.uint64(0x9E3779B97F4A7C15)

@@ -140,8 +140,7 @@ def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> NDArray[Any]:
     """Returns the rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that were rounded to
-    few digits. last_row: of a 4x4, which must be 0, 0, 0, 1. Raises ValueError, which begins with `name`, if the
-    numbers are no rigid motion."""
+    few digits. last_row: of a 4x4, which must be 0, 0, 0, 1. Raises ValueError, with `name`, for no rigid motion."""
     pose = np.eye(4)
     try:
         pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)

@@ -191,8 +191,7 @@ def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh
 
 def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
     """Returns the mesh with texture coordinates of a cube map, projected from the geom's middle by OpenGL's rule. The
-    texture's six squares lie below one another (+x, -x, +y, -y, +z, -z). Each triangle uses the square that its middle
-    falls into."""
+    texture's six squares lie below one another (+x, -x, +y, -y, +z, -z). A triangle uses its middle's square."""
     half = 1.0 if is_uniform else np.abs(mesh.positions).max(axis=0).clip(1e-9)
     corners = (mesh.positions / half)[mesh.indices].astype(np.float64)
     middle = corners.mean(axis=1)
@@ -221,8 +220,7 @@ def _scaled(mesh: Mesh, scale: NDArray[np.float64] | list[float]) -> Mesh:
 
 
 def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
-    """Returns a mesh of the model. MuJoCo indexes positions, normals and texture coordinates separately; here each
-    vertex has one of each."""
+    """Returns a mesh of the model. MuJoCo indexes positions, normals and texture coordinates separately."""
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     vertex, normal = model.mesh_face[faces], model.mesh_facenormal[faces]
     has_uvs = model.mesh_texcoordadr[mesh] >= 0
@@ -323,8 +321,7 @@ class MujocoScene:
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:
-        """Returns the number of a geom's mesh in the scene, None without a surface. Geoms of equal shape and texturing
-        share a mesh."""
+        """Returns the number of a geom's mesh, None without a surface. Geoms of equal shape and texturing share it."""
         model, material = self.model, int(self.model.geom_matid[geom])
         kind = self._looks.texture_kind(geom)
         shape = (int(model.geom_type[geom]), int(model.geom_dataid[geom]), model.geom_size[geom].tobytes())
@@ -347,8 +344,7 @@ class MujocoScene:
 
 class MujocoMount:
     """Lets a depth sensor follow a camera or body of a MuJoCo model. MujocoScene.mount() makes it; StereoDepthSensor
-    (one state) and StereoDepthSensorBatch (a list of states) take it. number: the camera's or the body's in the
-    model."""
+    (one state) and StereoDepthSensorBatch (a list of states) take it. number: the camera's or body's."""
 
     def __init__(self, world: MujocoScene, number: int, is_camera: bool) -> None:
         self._world, self._number, self._is_camera = world, number, is_camera

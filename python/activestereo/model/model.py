@@ -128,8 +128,7 @@ class ModelEffect:
 @dataclass(frozen=True)
 class SensorModel:
     """A sensor model. nuisances: {name of NUISANCES: Quantity}. materials: {glTF name: {name of MATERIAL_FIELDS:
-    Quantity}}. poses: measured poses of a capture's views that differ from the stated ones. source: text, from where
-    the model comes."""
+    Quantity}}. poses: measured poses that differ from the capture's. source: text, from where it comes."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -152,8 +151,7 @@ class SensorModel:
 
     def bound(self, material_names: Sequence[str]) -> Model:
         """Returns the effects for a scene: surface names are replaced by the scene's surface numbers
-        (effects/core/surfaces.py). material_names: the scene's names by number. Raises ValueError with a name that the
-        scene lacks."""
+        (effects/core/surfaces.py). material_names: the scene's. Raises ValueError for a missing name."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}

@@ -38,8 +38,7 @@ Split = Mapping[str, Any]
 
 def split_sentences(split: Split | None) -> list[str]:
     """Returns sentences on the device's depth error with model.json applied. They state its RMS, the causes of its
-    square in whole percents that sum to 100, and its RMS at each distance. split: diagnose.json's depth_split; None: no
-    sentences."""
+    square in percent, and its RMS at each distance. split: diagnose.json's depth_split; None: no sentences."""
     if not split:
         return []
     whole = split["after"]
@@ -115,8 +114,7 @@ def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Pat
 
 
 def diagnosis_table(result: Mapping[str, Any]) -> str:
-    """Returns the text that --verbose adds: the ranking of effects, the depth engine's verdict and further
-    measurements."""
+    """Returns --verbose's text: the ranking of effects, the depth engine's verdict and further measurements."""
     lines = _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
@@ -171,8 +169,7 @@ def _values(entry: Mapping[str, Any]) -> str:
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
-    """Returns lines on the depth engine: the verdict, the added effects, and differences from our matcher that are no
-    fault of the sensor."""
+    """Returns lines on the depth engine: verdict, added effects, and faults of our matcher, not the sensor."""
     if not depth:
         return []
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]
@@ -257,8 +254,7 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
 
 
 def _depth_engine(depth: dict) -> str:
-    """Returns the HTML section on effects of the depth engine. It marks differences that come from the matcher and are
-    no fault of the sensor."""
+    """Returns the HTML section on the depth engine's effects. It marks the matcher's own differences."""
     rows = []
     for entry in depth["ranking"]:
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())

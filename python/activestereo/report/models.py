@@ -82,8 +82,7 @@ def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None)
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """Computes the images of model_images() in parallel processes. models: {name: Model}. given: {name: images} that
-    need no computation."""
+    """Computes model_images() in parallel processes. models: {name: Model}. given: {name: images} that exist."""
     capture, measured = comparison.capture, comparison.measured
     images = [
         MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])
@@ -129,8 +128,7 @@ def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
 def known_residual(
     capture: Capture, key: ImageKey, measured: Mapping[ImageKey, NDArray], expected: Mapping[ImageKey, NDArray]
 ) -> NDArray[np.float64]:
-    """Returns measured minus expected DN [height][width]. It is NaN at pixels where the scene is unknown, which no
-    figure of the report counts."""
+    """Returns measured minus expected DN [height][width], NaN where the scene is unknown, which no figure counts."""
     residual = measured[key].astype(np.float64) - expected[key]
     known = capture.known(next(f for f in capture.frames if f.id == key[0]), key[1])
     return residual if known is None else np.where(known, residual, np.nan)

@@ -40,8 +40,7 @@ INFRARED_SHARES = {
 
 
 def infrared_share(kind: str) -> float:
-    """Returns the infrared share of a kind of lamp, or the number in the text. Raises ValueError with the known
-    kinds."""
+    """Returns the infrared share of a kind of lamp, or the text's number. Raises ValueError with the known kinds."""
     try:
         share = INFRARED_SHARES[kind] if kind in INFRARED_SHARES else float(kind)
     except ValueError:
@@ -104,8 +103,7 @@ class EnvironmentMapError(ValueError):
 
 
 def read_environment_map(path: str | Path) -> np.ndarray:
-    """Reads an equirectangular image, twice as wide as high, as linear RGB radiance, float32 [height, width, 3]. Raises
-    EnvironmentMapError."""
+    """Reads an equirectangular image as linear RGB radiance, float32 [height, width, 3]. Raises EnvironmentMapError."""
     path = Path(path)
     if not path.exists():
         raise EnvironmentMapError(f"{path}: there is no such file")
@@ -136,7 +134,6 @@ def read_environment_map(path: str | Path) -> np.ndarray:
 
 
 def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
-    """Lights a scene with y up by an environment map file, times `scale`, in the light group ALL_SIDES. Raises
-    EnvironmentMapError."""
+    """Lights a scene by an environment map times `scale`, in light group ALL_SIDES. Raises EnvironmentMapError."""
     texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
     scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP, light_group=ALL_SIDES)

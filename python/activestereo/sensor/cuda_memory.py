@@ -228,8 +228,7 @@ class CudaMap:
 
 
 class CudaMaps:
-    """Computes the depth engine's maps into CUDA memory: one allocation for each map, which every picture
-    overwrites."""
+    """Computes the depth engine's maps into CUDA memory, one allocation each, which every picture overwrites."""
 
     def __init__(self, device: simsense.Device) -> None:
         self._device = device

@@ -172,8 +172,7 @@ class PictureMemory:
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
-        """Drops the host copies of the last picture, so that read() copies the next one. Call it before a render into
-        `targets`."""
+        """Drops the host copies of the last picture, so that read() copies the next one; for before a render."""
         for name in self._on_device & self._read.keys():
             image = self.targets[name]
             self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
@@ -188,8 +187,7 @@ class PictureMemory:
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
-        """Returns one output of the last picture in CUDA memory with this shape, without a copy; the next picture
-        overwrites it."""
+        """Returns one output of the last picture in CUDA memory with this shape; the next picture overwrites it."""
         return self._cuda[name].array(self.targets[name].dtype, shape)
 
 

@@ -117,8 +117,7 @@ class Rig:
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches on the lights that move with the sensors, placed for RGB cameras at these poses: [sensors, 4, 4],
-        body axes."""
+        """Switches on the lights that move with RGB cameras at these poses: [sensors, 4, 4], body axes."""
         for one in self._on_rig:
             shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
             for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
@@ -199,8 +198,7 @@ class RigInputs:
         return self._inputs
 
     def enter(self) -> None:
-        """Puts the sensors' projectors, lights and cameras into the scene. If one fails, removes all of them again and
-        raises."""
+        """Puts the sensors' projectors, lights and cameras into the scene. If one fails, removes all and raises."""
         try:
             self._enter_scene(self.inputs())
         except BaseException:
@@ -238,8 +236,7 @@ class RigInputs:
         return self._rgb_cameras
 
     def visible(self) -> dict[str, Any]:
-        """Returns the arguments of kuafu.Renderer.render that hold for the RGB cameras alone: band, environments,
-        optics."""
+        """Returns kuafu.Renderer.render's arguments for the RGB cameras alone: band, environments, optics."""
         return {"band": "visible", "environments": self.environments, "optics": self.plan.config.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
@@ -251,23 +248,20 @@ class RigInputs:
         return {"band": "infrared", "environments": seen, "optics": optics}
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches on the projectors and the model's lights that move with the sensors. rigs: the RGB cameras' poses,
-        [sensors, 4, 4], body axes."""
+        """Switches on projectors and moving lights. rigs: the RGB cameras' poses, [sensors, 4, 4], body axes."""
         self._rigs = rigs
         self.inputs()
         self.in_scene.shine(rigs)
 
     def darken(self) -> None:
-        """Switches off the lights that shine() switched on, so that other sensors do not see them. Does nothing if the
-        projector is always on."""
+        """Switches off shine()'s lights, which other sensors must not see, unless the projector is always on."""
         if not self.plan.config.projector_always_on:
             self.in_scene.darken()
 
     # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
-        """Returns the inputs for picture number `frame`. They differ between pictures if the laser's power
-        alternates."""
+        """Returns the inputs for picture number `frame`, which differ if the laser's power alternates."""
         self._frame = frame
         if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
@@ -277,8 +271,7 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """Sets exposure and gain. Recomputes all inputs if there are effects or a scene measurement, which may depend
-        on the exposure."""
+        """Sets exposure and gain. Recomputes inputs if effects or a scene measurement may depend on them."""
         if setting == self.setting:
             return
         self.setting = setting
@@ -315,8 +308,7 @@ class RigInputs:
             self.in_scene.shine(self._rigs)
 
     def _compute_inputs(self) -> EngineInputs:
-        """Computes the inputs under the model, and the cameras from them. Raises ValueError for effects that these
-        sensors do not support."""
+        """Computes inputs and cameras under the model. Raises ValueError for effects without support."""
         # 1. The inputs without effects.
         plan, exposure_s, laser_w_sr = self.plan, self.setting.exposure_s, self.plan.laser_w_sr[self._frame % 2]
         temperature_c, time_s = self._conditions
@@ -370,8 +362,7 @@ class RigInputs:
         return signal if temperature_c is None else signal | {"temperature_c": temperature_c}
 
     def _twist_of(self, name: str) -> NDArray[np.float64]:
-        """Returns [2, 3], linear and angular velocity (m/s, rad/s) of a part of the rig, such as "rgb", in its own
-        camera axes."""
+        """Returns [2, 3], linear and angular velocity (m/s, rad/s) of a part, such as "rgb", in its camera axes."""
         if not np.any(self.twist):  # the usual case; automatic exposure asks at each picture
             return np.zeros((2, 3))
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)

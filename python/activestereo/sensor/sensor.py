@@ -95,8 +95,7 @@ class StereoDepthSensor(SensorResults):
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
         """Applies noise to the last picture, matches it and registers the depth to the RGB camera. The same picture
         gives the same depth. Computes maps that were read for an earlier picture, and the named ones: 'disparity',
-        'ir_left', 'ir_right' and the config's depth_maps. Others are computed when they are first read, which matches
-        again."""
+        'ir_left', 'ir_right' and the config's depth_maps. Reading others matches again."""
         self._engine.match(maps)
 
     def compute_depth_from(
@@ -137,8 +136,7 @@ class StereoDepthSensor(SensorResults):
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
         """Renders one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) now, [height, width,
-        channels], by camera 'rgb', 'left' or 'right'. Outputs projector_* are for this sensor's projector. Needs no
-        take_picture()."""
+        channels], by camera 'rgb', 'left' or 'right'. projector_* is of this sensor's. Needs no take_picture()."""
         return self.get_pictures([name], camera)[name]
 
     def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
@@ -208,9 +206,8 @@ class StereoDepthSensor(SensorResults):
     # ---- parameters ----
 
     def change(self, **changes: Any) -> None:
-        """Changes those fields of the configuration that the matcher and the noise depend on. Setting ir_speckle_noise
-        or ir_thermal_noise removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError;
-        nothing has changed then."""
+        """Changes fields that matcher and noise depend on. Setting ir_speckle_noise or ir_thermal_noise removes
+        ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError and changes nothing."""
         config = self.get_config()
         if not {"ir_speckle_noise", "ir_thermal_noise"}.isdisjoint(changes):
             config.ir_signal = None
@@ -231,8 +228,7 @@ class StereoDepthSensor(SensorResults):
 
 
 def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDArray[np.float32]:
-    """Returns the counts over full scale, 0..1, that a linear imager without noise and dark current gives for an image
-    of radiance, W/(sr m^2)."""
+    """Returns counts over full scale, 0..1, of a linear imager without noise or dark current, for radiance."""
     full_scale_dn = 2 ** signal["bit_depth"] - 1
     per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
     warming_k = signal["temperature_c"] - signal["dark_reference_c"]

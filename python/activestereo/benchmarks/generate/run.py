@@ -28,9 +28,8 @@ _studio: Studio | None = None  # the studio of this worker process
 @dataclass(frozen=True)
 class Done:
     """The result of generate(). made: frames made now. there: frames of this part that existed before. missing: frames
-    of other parts that do not exist yet. The rest is known once all frames exist. unseen: things that no frame shows.
-    measured: share of surface pixels with a depth. invented: share of depths without a surface or off by more than 5
-    %."""
+    of other parts that do not exist yet. Known once all frames exist: unseen: things in no frame. measured: share of
+    surface pixels with a depth. invented: share of depths without a surface or off by more than 5 %."""
 
     made: int
     there: int

@@ -65,8 +65,7 @@ class Ranges:
 
     @classmethod
     def read(cls, path: Path | None) -> Ranges:
-        """Reads a .toml file; ranges that it lacks, or all if `path` is None, keep their defaults. Raises ValueError
-        with the file and its fault."""
+        """Reads a .toml file, None: no file; missing ranges keep their defaults. Raises ValueError."""
         given = {} if path is None else read_toml(path)
         try:
             known = sorted(field.name for field in fields(cls))
@@ -144,8 +143,7 @@ class Things:
         self.place({})
 
     def place(self, poses: dict[int, NDArray[np.float64]]) -> None:
-        """Places things in the world. poses: {index: 4x4 from the file's axes to the world}; the other things move far
-        away."""
+        """Places things. poses: {index: 4x4 from the file's axes to the world}; the other things move far away."""
         for index, (ids, base) in enumerate(zip(self._instances, self._base, strict=True)):
             self._scene.set_instance_poses(ids, poses.get(index, _AWAY) @ base)
 

@@ -34,8 +34,7 @@ _LEAST_DEPTH = 0.2
 @dataclass(frozen=True)
 class SceneView:
     """A frame's images [height, width]. left, right: DN. depth_m: 0 = none. surface: mask of measured depth far from
-    edges. agreement: correlation of both cameras' high-pass images at that depth. clipped: saturated share of the left
-    image."""
+    edges. agreement: of both cameras' high-pass images at that depth. clipped: saturated share of the left image."""
 
     frame: Frame
     left: Image

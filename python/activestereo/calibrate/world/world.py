@@ -123,8 +123,7 @@ def calibrate_world(
     capture `out`, with pictures of each step in `out`/measured. Returns the findings, a line each.
 
     test: ids of frames to hold out; their pose and exposure are measured, but they inform nothing else. Raises
-    ValueError, one line, if a recording is unusable, with the remedy; the parts that could be measured are written all
-    the same."""
+    ValueError, one line, if a recording is unusable, with the remedy; parts that could be measured are written."""
     capture = read_capture(recording)
     unknown = sorted(set(test) - {frame.id for frame in capture.frames})
     if unknown:

@@ -123,8 +123,7 @@ def is_bag(path: Path) -> bool:
 
 
 def image_streams(path: Path) -> dict[str, int]:
-    """Returns {stream: number of its images} for a bag's streams Infrared 1, Infrared 2, Depth, Aligned and Color.
-    Raises as extract_bag() does."""
+    """Returns {stream: count of images}, of Infrared 1, Infrared 2, Depth, Aligned, Color. Raises as extract_bag()."""
     with _opened(path) as reader:
         images = [c for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES]
         return {stream: c.msgcount for c in images if (stream := stream_of(c.topic)) is not None}
@@ -289,8 +288,7 @@ def _with_metadata(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, on opening or inside the
-    block."""
+    """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, now or in the block."""
     missing = f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
     reading, types = (imported(name, missing, ValueError) for name in ("rosbags.highlevel", "rosbags.typesys"))
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()

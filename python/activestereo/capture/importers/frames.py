@@ -31,8 +31,7 @@ def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
-    fault."""
+    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file and line."""
     times, poses = list[float](), list[NDArray[np.float64]]()
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()

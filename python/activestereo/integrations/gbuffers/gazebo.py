@@ -18,8 +18,7 @@ _FORMATS: dict[int | str, tuple[str, int]] = {
 
 
 def image_of(message: Any) -> NDArray[Any]:
-    """Returns a message's image, [height, width] or [height, width, channels], RGB. Raises ValueError for another
-    format."""
+    """Returns a message's image, [height, width] or [height, width, channels], RGB. Raises ValueError for others."""
     form = getattr(message, "encoding", None) or message.pixel_format_type
     if form not in _FORMATS:
         raise ValueError(f"an image message is of the format {form!r}, expected one of {list(_FORMATS)}")

@@ -51,8 +51,7 @@ class filter(Options):
 
 
 class decimation_filter(filter):
-    """Reduces resolution: each square of pixels becomes the median of its measured pixels, or their mean from a side of
-    4 pixels on."""
+    """Reduces resolution: a square becomes the median of its measured pixels, from a side of 4 on the mean."""
 
     ranges = {option.filter_magnitude: option_range(1, 8, 1, 2)}
 
@@ -127,8 +126,7 @@ _FILL_RADIUS_PX = (0, 2, 4, 8, 16, 255)  # fills one pixel less
 
 class spatial_filter(filter):
     """Smooths depth without crossing edges, by a recursive filter along rows, then columns, forth and back (Gastal and
-    Oliveira, Domain Transform, ACM TOG 30(4), 2011). An edge is a step of more than filter_smooth_delta counts, or
-    disparities."""
+    Oliveira, Domain Transform, ACM TOG 30(4), 2011). An edge steps by more than filter_smooth_delta."""
 
     ranges = {
         option.filter_magnitude: option_range(1, 5, 1, 2),
@@ -236,8 +234,7 @@ class temporal_filter(filter):
 
 
 class hole_filling_filter(filter):
-    """Fills each hole with a neighbour's value. Mode 0 takes the left one, 1 the farthest and 2 the nearest of those
-    around it."""
+    """Fills holes with a neighbour's value: in mode 0 the left, in 1 the farthest and in 2 the nearest around."""
 
     ranges = {option.holes_fill: option_range(0, 2, 1, 1)}
 
@@ -354,8 +351,7 @@ class points(frame):
         return self._texels if dims == 2 else self._texels.view(_TEXEL).reshape(-1)
 
     def export_to_ply(self, path: str | PathLike[str], texture: frame | None) -> None:
-        """Writes the measured points, with the colours of `texture`, into a PLY file. texture: the frame given to
-        map_to(); None: no colours."""
+        """Writes the measured points into a PLY file. texture: the frame given to map_to(), for colours, or None."""
         measured = self._vertices[:, 2] > 0
         colors = None
         if texture is not None:
@@ -433,8 +429,7 @@ _SCHEMES = {
 
 
 class colorizer(filter):
-    """Colours depth as rgb8. With histogram_equalization_enabled all colours have equal shares of the pixels; otherwise
-    they are linear in depth."""
+    """Colours depth as rgb8, linear in depth or, with histogram_equalization_enabled, with equal shares of pixels."""
 
     ranges = {
         option.color_scheme: option_range(0, 9, 1, 0),

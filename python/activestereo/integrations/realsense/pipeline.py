@@ -135,16 +135,14 @@ class rs400_advanced_mode:
     toggle_advanced_mode = ignored  # it is always on
 
     def load_json(self, text: str) -> None:
-        """Sets the settings in a JSON text. Raises RuntimeError, as librealsense does, if a key is unknown or out of
-        range."""
+        """Sets a JSON text's settings. Raises RuntimeError, as librealsense, if a key is unknown or out of range."""
         try:
             self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
     def serialize_json(self) -> str:
-        """Returns as JSON every key of the matcher and the depth table, as librealsense writes them, and the other keys
-        that were set."""
+        """Returns as JSON, like librealsense, the matcher's and the depth table's keys, and others that were set."""
         return json.dumps(self._device.camera.settings.as_text(), indent=4)
 
     def __getattr__(self, name: str) -> Any:
@@ -269,8 +267,7 @@ def pipeline_wrapper(of: pipeline) -> pipeline:
 
 
 class pipeline:
-    """Delivers one simulated camera's framesets. Simulated time advances by 1 / framerate with each picture, however
-    long its computation takes."""
+    """Delivers a simulated camera's framesets. Simulated time advances by 1 / framerate with each picture."""
 
     def __init__(self, ctx: context | None = None) -> None:
         self._device: device | None = None

@@ -146,8 +146,7 @@ def is_visible(entity: Any) -> bool:
 
 
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
-    """Yields (part, sapien.Pose of its shape in the entity) for an entity's visual shapes, or for its collision shapes
-    if it has no visual ones."""
+    """Yields (part, sapien.Pose in the entity) of an entity's visual shapes, or its collision shapes."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
     bodies = _components(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
@@ -164,8 +163,7 @@ def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
 
 
 def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
-    """Converts a SAPIEN light to kuafu's. Returns None for a projector, which a sensor makes, and for kinds that kuafu
-    lacks."""
+    """Converts a SAPIEN light to kuafu's, None for a projector, which a sensor makes, and kinds that kuafu lacks."""
     fields = {
         "intensity": tuple(light.color),
         "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
@@ -217,8 +215,7 @@ class Part(NamedTuple):
 
 
 def render_parts(shape: Any) -> Iterator[Part]:
-    """Yields each mesh of a SAPIEN RenderShape as a Part. Box, sphere, cylinder and plane have unit size and a scale,
-    capsules their own size."""
+    """Yields each mesh of a SAPIEN RenderShape as a Part. All but capsules have unit size and a scale."""
     kind = type(shape).__name__
     if kind == "RenderShapeBox":
         scale = shape.half_size

@@ -75,8 +75,7 @@ class Routes:
         return packed({"camera": camera, "effects": positions.present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
-        """Answers with the name and sliders of the material at pixel u, v of the left image; the name is null without a
-        surface."""
+        """Answers with the name and sliders of the material at pixel u, v of the left image; name null without any."""
         simulation, exposure, settings = self._asked(given)
         found = simulation.surface(exposure, settings, _whole(given, "u"), _whole(given, "v"))
         name, values = (None, None) if found is None else found
@@ -110,8 +109,7 @@ class Routes:
         return _answer(taken)
 
     def _asked(self, given: dict[str, Any]) -> tuple[Simulation, Exposure, Settings]:
-        """Returns the simulation, the exposure and the settings that a call names. Raises ValueError without a
-        scene."""
+        """Returns the simulation, exposure and settings that a call names. Raises ValueError without a scene."""
         source = self._library.source(given.get("entry"))
         simulation = source.simulation()
         if simulation is None:
@@ -133,8 +131,7 @@ def _answer(pictures: Pictures) -> bytes:
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Packs an answer. content: for its JSON. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no
-    value."""
+    """Packs an answer. content: for its JSON. images: {name: [height][width], float32, uint8 or uint32}; NaN = none."""
     arrays, parts, size = {}, [], 0
     for name, image in (images or {}).items():
         data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()

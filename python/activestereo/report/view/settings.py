@@ -72,8 +72,7 @@ class Settings:
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
-        """Returns the model with these settings' effects and surface values. If `effects` is None the model keeps its
-        own effects."""
+        """Returns the model with these settings' effects and surface values. None: the model's own effects."""
         known = {entry.effect.id: entry for entry in model.effects}
         if self.effects is not None:
             model = replace(model, effects=())
@@ -181,8 +180,7 @@ def surface_sliders(values: Mapping[str, float]) -> list[dict[str, Any]]:
 
 
 def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
-    """Returns every effect that the page can add, with its summary and a slider for each numeric parameter, at its
-    typical value, for JSON."""
+    """Returns, for JSON, every effect that the page can add, with sliders at typical values."""
     out = []
     for effect in effects.values():
         sliders = []

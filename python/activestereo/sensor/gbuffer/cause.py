@@ -113,8 +113,7 @@ def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns the difference of two cameras' inverse depths, 1/m; above 0 the other camera sees a nearer surface. It is
-    `beside`, the other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the
-    image read its nearest column."""
+    `beside`, the other camera's, at `column` of the row, or the nearest in the image, less inverse_depth."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
