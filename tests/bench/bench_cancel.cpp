@@ -57,12 +57,8 @@ kuafu_scene large_mesh(kuafu_device device, uint32_t side) {
     }
   kuafu_scene scene = nullptr;
   ok(kuafu_scene_create(device, &scene));
-  kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
-  mesh.positions = sheet.positions.data(), mesh.vertex_count = uint32_t(sheet.positions.size() / 3);
-  mesh.indices = sheet.indices.data(), mesh.triangle_count = uint32_t(sheet.indices.size() / 3);
-  kuafu_instance_desc instance = kuafu_instance_desc_init(1);
+  const kuafu_instance_desc instance = kuafu_instance_desc_init(add_shape(scene, sheet));
   uint32_t id = 0;
-  ok(kuafu_scene_add_mesh(scene, &mesh, &instance.mesh));
   ok(kuafu_scene_add_instance(scene, &instance, &id));
   return scene;
 }

@@ -29,6 +29,14 @@ ks_sync semaphore_at(VkSemaphore semaphore, uint64_t value) {
   return sync;
 }
 
+/// Memory of the host's, as a library imports it.
+ks_buffer_desc part_of(const VulkanHost::Memory& memory, uint64_t offset_bytes, uint64_t size_bytes) {
+  ks_buffer_desc desc = ks_buffer_desc_init();
+  desc.memory = KS_MEMORY_VULKAN, desc.handle = reinterpret_cast<uintptr_t>(memory.memory), desc.memory_type_index = memory.type;
+  desc.allocation_bytes = memory.bytes, desc.offset_bytes = offset_bytes, desc.size_bytes = size_bytes;
+  return desc;
+}
+
 template <class Library>
 class HostsDevice : public testing::Test {
  protected:
@@ -61,9 +69,7 @@ TYPED_TEST(HostsDevice, TheHostWritesIntoTheLibrarysMemory) {
 
 TYPED_TEST(HostsDevice, TheLibraryWritesIntoTheHostsMemory) {
   const VulkanHost::Memory memory = this->host_.allocate(8192);
-  ks_buffer_desc desc = ks_buffer_desc_init();
-  desc.memory = KS_MEMORY_VULKAN, desc.handle = reinterpret_cast<uintptr_t>(memory.memory), desc.memory_type_index = memory.type;
-  desc.allocation_bytes = memory.bytes, desc.offset_bytes = 4096, desc.size_bytes = 64;
+  const ks_buffer_desc desc = part_of(memory, 4096, 64);
   typename TypeParam::Buffer buffer = nullptr;
   ASSERT_EQ(TypeParam::buffer_import(this->device_, &desc, &buffer), KS_OK) << TypeParam::last_error();
   const uint32_t words[2] = {7, 8};
@@ -95,9 +101,7 @@ TYPED_TEST(HostsDevice, TheQueueIsLockedForEachUse) {
   typename TypeParam::Buffer buffer = nullptr;
   ASSERT_EQ(TypeParam::buffer_create(this->device_, &create, &buffer), KS_OK);
   const VulkanHost::Memory memory = this->host_.allocate(4096);
-  ks_buffer_desc desc = ks_buffer_desc_init();
-  desc.memory = KS_MEMORY_VULKAN, desc.handle = reinterpret_cast<uintptr_t>(memory.memory), desc.memory_type_index = memory.type;
-  desc.allocation_bytes = memory.bytes, desc.size_bytes = 4096;
+  const ks_buffer_desc desc = part_of(memory, 0, 4096);
   typename TypeParam::Buffer theirs = nullptr;
   ASSERT_EQ(TypeParam::buffer_import(this->device_, &desc, &theirs), KS_OK) << TypeParam::last_error();
   uint32_t word = 5;
@@ -209,10 +213,7 @@ class Chain : public testing::Test {
     match_.emplace(matcher_side, 1, [](simsense_rig_desc& rig) { rig.back_end = SIMSENSE_BACK_END_VULKAN; });
     renderer_ = render_->renderer, engine_ = match_->engine;
     memory_ = host_.allocate(2 * side * side * sizeof(float));
-    ks_buffer_desc shared = ks_buffer_desc_init();
-    shared.memory = KS_MEMORY_VULKAN, shared.handle = reinterpret_cast<uintptr_t>(memory_.memory);
-    shared.memory_type_index = memory_.type;
-    shared.allocation_bytes = memory_.bytes, shared.size_bytes = 2 * side * side * sizeof(float);
+    const ks_buffer_desc shared = part_of(memory_, 0, 2 * side * side * sizeof(float));
     ASSERT_EQ(kuafu_buffer_import(renderer_side, &shared, &rendered_), KS_OK) << kuafu_last_error();
     ASSERT_EQ(simsense_buffer_import(matcher_side, &shared, &matched_), KS_OK) << simsense_last_error();
   }

@@ -23,8 +23,9 @@ void furnish(World& world) {
 }
 
 uint32_t add_again(World& world, uint32_t mesh, uint32_t material, const std::array<double, 16>& pose,
-                   uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
+                   uint32_t environment = KUAFU_ALL_ENVIRONMENTS, const char* name = "") {
   kuafu_instance_desc d = kuafu_instance_desc_init(mesh);
+  d.name = name;
   d.environment = environment;
   d.materials = &material;
   d.material_count = 1;
@@ -151,8 +152,9 @@ TEST(LiveScene, ARenderThatRunsOutOfMemoryLeavesNothingHalfDone) {
   EXPECT_EQ(world.radiance(view).values, made.radiance(view).values);
 }
 
-/// Adds one of each, renders, and removes them: 60 kB of vertices, 260 kB of texels.
+/// Adds one of each, renders, and removes them: 60 kB of vertices, 260 kB of texels, and a MB of each name.
 void round_of_all(World& world, const Shape& shape, int round) {
+  static const std::string long_name(1 << 20, 'x');
   kuafu_scene scene = world.scene();
   kuafu_mesh_desc mesh = kuafu_mesh_desc_init();
   mesh.positions = shape.positions.data();
@@ -164,8 +166,11 @@ void round_of_all(World& world, const Shape& shape, int round) {
   kuafu_material_desc material = lambert(0.5f);
   material.base_color_texture = add_texture(scene, 512);
   ok(kuafu_scene_add_material(scene, &material, &material_id));
-  const uint32_t instance = add_again(world, mesh_id, material_id, placed({0.1 * (round % 7) - 0.3, 0, 1.0}));
-  const uint32_t light = world.add_point({0, -0.3, 0.3}, 0.1f);
+  const uint32_t instance =
+      add_again(world, mesh_id, material_id, placed({0.1 * (round % 7) - 0.3, 0, 1.0}), KUAFU_ALL_ENVIRONMENTS, long_name.c_str());
+  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
+  lamp.name = long_name.c_str();
+  const uint32_t light = world.add_light(lamp, placed({0, -0.3, 0.3}));
   (void)world.radiance(view);
   ok(kuafu_scene_remove_instance(scene, instance));
   ok(kuafu_scene_remove_light(scene, light));
@@ -198,6 +203,8 @@ TEST_P(LiveMemory, ManyRoundsOfAddRenderRemoveLeaveItFlat) {
   EXPECT_EQ(summary.mesh_count, 1u);
   EXPECT_EQ(summary.material_count, 1u);
   EXPECT_EQ(summary.texture_count, 0u);
+  EXPECT_EQ(summary.instance_count, 1u);
+  EXPECT_EQ(summary.light_count, 1u);
 }
 
 // No render sees the scene between the removal and what takes the slots.

@@ -6,7 +6,6 @@
 
 #include "kuafu/io/sample_files.h"
 #include "kuafu/kuafu.h"
-#include "support/heap.h"
 
 namespace {
 
@@ -273,27 +272,6 @@ TEST_F(SceneApi, RemovedIdsAreRefusedAndNeverComeBack) {
   ASSERT_EQ(kuafu_scene_add_instance(scene_, &instance, &second), KS_OK);
   EXPECT_NE(second, first);
   EXPECT_EQ(summary().instance_count, 1u);
-}
-
-TEST_F(SceneApi, TwoHundredRoundsOfAddAndRemoveGrowOnlyTheIdTable) {
-  const uint32_t mesh = add_triangle();
-  const std::string long_name(1 << 20, 'x');  // 200 of them would show in the heap
-  kuafu_instance_desc instance = kuafu_instance_desc_init(mesh);
-  instance.name = long_name.c_str();
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-  light.name = long_name.c_str();
-  const size_t before = ks::test::heap_bytes();
-  for (uint32_t round = 0; round < 200; ++round) {
-    uint32_t id = 0;
-    ASSERT_EQ(kuafu_scene_add_instance(scene_, &instance, &id), KS_OK);
-    ASSERT_EQ(id, round + 1);
-    ASSERT_EQ(kuafu_scene_remove_instance(scene_, id), KS_OK);
-    ASSERT_EQ(kuafu_scene_add_light(scene_, &light, &id), KS_OK);
-    ASSERT_EQ(kuafu_scene_remove_light(scene_, id), KS_OK);
-  }
-  EXPECT_LT(ks::test::heap_bytes(), before + (20 << 20));
-  EXPECT_EQ(summary().instance_count, 0u);
-  EXPECT_EQ(summary().light_count, 0u);
 }
 
 TEST_F(SceneApi, NullAndForeignStructsAreErrors) {
