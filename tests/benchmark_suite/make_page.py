@@ -79,7 +79,8 @@ def make_page():
     lines += ["![Answers by strength](answers.png)", "", "![Truth against the first name](confusion.png)", ""]
     lines += ["![Stated confidence against how often it was right](calibration.png)", ""]
     lines += ["## What goes wrong", ""]
-    lines += [*_rows(_read("causes"), ("hidden", "answer", "cause")), "", *BOUND]
+    causes = ("hidden", "answer", "cause")
+    lines += [*_table(causes, ([record[key] for key in causes] for record in _read("causes"))), "", *BOUND]
     lines += ["", *_another_renderer(_read("mitsuba"))]
     return "\n".join([*lines, "", *_next(_read("next")), "", *_practice(_read("practice"))]) + "\n"
 
@@ -91,39 +92,29 @@ def _measures(run):
         "",
         f"    {run['command']}",
         "",
-        "|measure|bar|aim|measured|",
-        "|--" * 4 + "|",
     ]
+    rows = []
     for name, measure in run["measures"].items():
         sign, bar, aim = BARS.get(name, ("", "", ""))
-        lines.append(f"|{name}|{sign}{bar}|{sign}{aim}|{_value(measure, True)}|")
-    return lines
+        rows.append((name, f"{sign}{bar}", f"{sign}{aim}", _value(measure)))
+    return [*lines, *_table(("measure", "bar", "aim", "measured"), rows)]
 
 
-def _value(measure, with_interval):
+def _table(head, rows):
+    return [f"|{'|'.join(head)}|", "|--" * len(head) + "|", *(f"|{'|'.join(row)}|" for row in rows)]
+
+
+def _value(measure):
     if measure is None:
         return ""
     text = f"{measure['value']:.3g}"
-    if not with_interval or measure["low"] is None:
-        return text
-    return f"{text} ({measure['low']:.2g}-{measure['high']:.2g}; {measure['n']})"
+    return text if measure["low"] is None else f"{text} ({measure['low']:.2g}-{measure['high']:.2g}; {measure['n']})"
 
 
 def _strengths(by_strength):
     measures = list(next(iter(by_strength.values())))
-    lines = [f"|strength|{'|'.join(measures)}|", "|--" * (1 + len(measures)) + "|"]
-    return [
-        *lines,
-        *(f"|{name}|{'|'.join(_value(part[key], True) for key in measures)}|" for name, part in by_strength.items()),
-    ]
-
-
-def _rows(records, keys):
-    return [
-        f"|{'|'.join(keys)}|",
-        "|--" * len(keys) + "|",
-        *(f"|{'|'.join(str(record[key]) for key in keys)}|" for record in records),
-    ]
+    rows = ((name, *(_value(part[key]) for key in measures)) for name, part in by_strength.items())
+    return _table(("strength", *measures), rows)
 
 
 def _another_renderer(run):
@@ -135,7 +126,7 @@ def _another_renderer(run):
         "",
         f"    {run['command']}",
         "",
-        *(f"- {name}: {_value(measure, True)}" for name, measure in run["measures"].items()),
+        *(f"- {name}: {_value(measure)}" for name, measure in run["measures"].items()),
     ]
 
 
@@ -162,19 +153,18 @@ def _practice(run):
         "",
         f"    {run['command']}",
         "",
-        "|capture|hidden|answer|gap|after, DN|floor, DN|",
-        "|--|--|--|--|--|--|",
     ]
+    rows = []
     for row in run["rows"]:
-        gap = "" if row["gap"] is None else f"{row['gap']:.2f}"
-        cells = (row["capture"], row["hidden"], row["answer"], gap)
-        lines.append(f"|{'|'.join(cells)}|{row['diagnosis_dn']:.3f}|{row['floor_dn']:.3f}|")
+        gap, dn = "" if row["gap"] is None else f"{row['gap']:.2f}", (row["diagnosis_dn"], row["floor_dn"])
+        rows.append((row["capture"], row["hidden"], row["answer"], gap, *(f"{value:.3f}" for value in dn)))
     found = run["parameters"]
     values = "; ".join(
         f"{r['parameter']} {r['found']:g} ({r['low']:g} to {r['high']:g}; truth {r['truth']:g})" for r in found["rows"]
     )
     return [
         *lines,
+        *_table(("capture", "hidden", "answer", "gap", "after, DN", "floor, DN"), rows),
         "",
         f"Parameters of {found['capture']} with their 90 % intervals ({found['date']}, {found['machine']}): {values}.",
     ]
