@@ -13,11 +13,9 @@
 namespace ks::test {
 namespace {
 
-class Fork : public testing::TestWithParam<uint32_t> {};
+class Fork : public EachTracer {};
 
 TEST_P(Fork, AForkedChildMayReleaseAndIsToldWhatItCannotUse) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   render.expect_works();
   const pid_t child = fork();
   if (child == 0) {
@@ -70,11 +68,9 @@ void* render_long(void* given) {
   return nullptr;
 }
 
-class ThreadEnd : public testing::TestWithParam<uint32_t> {};
+class ThreadEnd : public EachTracer {};
 
 TEST_P(ThreadEnd, ACancelledThreadLeavesTheRenderAndTheNextOneWorks) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   pthread_t thread;
   ASSERT_EQ(pthread_create(&thread, nullptr, render_long, &render), 0);
   usleep(300000);
@@ -86,8 +82,6 @@ TEST_P(ThreadEnd, ACancelledThreadLeavesTheRenderAndTheNextOneWorks) {
 }
 
 TEST_P(ThreadEnd, ACallbackMayEndItsThread) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   render.desc.progress = [](void*, float) -> int32_t { pthread_exit(&render_marker); };
   pthread_t thread;
   ASSERT_EQ(pthread_create(&thread, nullptr, render_long, &render), 0);

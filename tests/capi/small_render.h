@@ -76,4 +76,11 @@ struct SmallRender {
   }
 };
 
+/// A small render of its own for every test.
+class EachTracer : public testing::TestWithParam<uint32_t> {
+ protected:
+  void SetUp() override { SKIP_IF(render.device ? "" : kuafu_last_error()); }
+  SmallRender render{GetParam()};
+};
+
 }  // namespace ks::test

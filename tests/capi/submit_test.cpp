@@ -203,19 +203,15 @@ void add_sheet(kuafu_scene scene, uint32_t side) {
   ASSERT_EQ(kuafu_scene_add_instance(scene, &instance, &id), KS_OK) << kuafu_last_error();
 }
 
-class Cancel : public testing::TestWithParam<uint32_t> {};
+class Cancel : public EachTracer {};
 
 TEST_P(Cancel, TheFirstRenderEndsSoonAndTheNextOneWorks) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   EXPECT_LT(seconds_to_the_end(render, 100), most_seconds);  // in compute, while lavapipe compiles
   render.expect_works();
   EXPECT_LT(seconds_to_the_end(render, 100), most_seconds);
 }
 
 TEST_P(Cancel, TheTreeOfALargeMeshEndsSoonAndTheNextRenderWorks) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   render.expect_works();
   add_sheet(render.scene, 500);
   EXPECT_LT(seconds_to_the_end(render, 100), most_seconds);
@@ -224,8 +220,6 @@ TEST_P(Cancel, TheTreeOfALargeMeshEndsSoonAndTheNextRenderWorks) {
 
 // While a tree is built, the callback is asked again and again, from the caller's own thread: Python's Ctrl-C is heard there.
 TEST_P(Cancel, TheCallbackIsAskedInTheCallersThreadAlsoWhileATreeIsBuilt) {
-  SmallRender render(GetParam());
-  SKIP_IF(render.device ? "" : kuafu_last_error());
   render.expect_works();
   add_sheet(render.scene, 500);
   struct Heard {

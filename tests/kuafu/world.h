@@ -73,20 +73,10 @@ struct Pixels {
 };
 
 inline uint32_t channels_of(uint32_t output, uint32_t band_channels) {
-  switch (output) {
-    case KUAFU_OUTPUT_NORMAL:
-    case KUAFU_OUTPUT_POSITION:
-      return 3;
-    case KUAFU_OUTPUT_PROJECTOR_UV:
-    case KUAFU_OUTPUT_MOTION:
-      return 2;
-    case KUAFU_OUTPUT_ALBEDO:
-      return band_channels;
-    case KUAFU_OUTPUT_SAMPLE_COUNT:
-      return 1;
-    default:
-      return output >= KUAFU_OUTPUT_DEPTH ? 1 : band_channels;
-  }
+  if (output == KUAFU_OUTPUT_NORMAL || output == KUAFU_OUTPUT_POSITION) return 3;
+  if (output == KUAFU_OUTPUT_PROJECTOR_UV || output == KUAFU_OUTPUT_MOTION) return 2;
+  if (output == KUAFU_OUTPUT_ALBEDO) return band_channels;
+  return output >= KUAFU_OUTPUT_DEPTH || output == KUAFU_OUTPUT_SAMPLE_COUNT ? 1 : band_channels;
 }
 
 /// Looks along +z of the world from `position`, turned by `yaw` radians about y (towards +x).
@@ -101,6 +91,11 @@ inline kuafu_view_desc view_at(const Vec3& position, uint32_t width, uint32_t he
   const double pose[16] = {c, 0, s, position[0], 0, 1, 0, position[1], -s, 0, c, position[2], 0, 0, 0, 1};
   std::memcpy(v.camera.camera_to_world, pose, sizeof pose);
   return v;
+}
+
+inline kuafu_view_desc visible(kuafu_view_desc view) {
+  view.band = KUAFU_BAND_VISIBLE;
+  return view;
 }
 
 /// Sum of the differences of two images, over the sum of the first.
@@ -185,6 +180,13 @@ inline kuafu_material_desc emitter(float radiance) {
   kuafu_material_desc m = lambert(0);
   for (float& e : m.emission) e = radiance;
   m.ir_emission = radiance;
+  return m;
+}
+
+inline kuafu_material_desc metal(float roughness) {
+  kuafu_material_desc m = kuafu_material_desc_init();
+  m.metallic = 1;
+  m.roughness = roughness;
   return m;
 }
 

@@ -80,10 +80,7 @@ void furnish(World& world, const Vec3& v, const Vec3& w) {
   };
   add(quad({0, 0, 0}, {-2, 0, 0}, {0, 2, 0}), lambert(0.6f), placed({0, 0, 1.3}, 0.1));
   add(quad({0, 0, 0}, {-1, 0, 0}, {0, 0, -0.6}), lambert(0.7f), placed({0, 0.3, 0.8}));
-  kuafu_material_desc metal = kuafu_material_desc_init();
-  metal.metallic = 1;
-  metal.roughness = 0.3f;
-  add(sphere(0.13, 12, true), metal, placed({-0.22, 0.15, 0.85}, 0.7));
+  add(sphere(0.13, 12, true), metal(0.3f), placed({-0.22, 0.15, 0.85}, 0.7));
   add(sphere(0.12, 12, true), glass(1.5f), placed({0.24, 0.15, 0.75}));
   add(quad({0, 0, 0}, {-0.1, 0, 0}, {0, 0.1, 0}), emitter(1.0f), placed({0.4, -0.3, 1.0}, 0.5));
   const auto add_light = [&](kuafu_light_desc light, const Pose& pose) {

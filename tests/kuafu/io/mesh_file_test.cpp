@@ -203,36 +203,26 @@ constexpr std::array faces = {
 };
 
 /// What stands between and around: blanks, comments, ends of lines, groups.
-std::string habit(size_t which, const std::string& text) {
-  switch (which) {
-    case 0:
-      return text;
-    case 1:
-      return replaced(text, "\n", "\r\n");
-    case 2:
-      return replaced(replaced(text, " ", "\t"), "\n", " \t\n");
-    case 3:
-      return "# Exporter v1.0 \\\n\n" + replaced(text, "\n", " # a comment\n");
-    case 4:
-      return "\xEF\xBB\xBFo Object.001\n" + replaced(text, "f ", "s off\nusemtl None\nf  ");
-    case 5:
-      return "mtllib\ng\n  " + replaced(text, "\n", "\n   ");
-    case 6:
-      return replaced(text.substr(0, text.size() - 1), " 0 ", " \\\n0 ");  // goes on in the next line; ends without one
-    default:
-      return replaced(text, "\n", "\r");  // old Macs
-  }
-}
-constexpr size_t habits = 8;
+constexpr std::string (*habits[])(const std::string& text) = {
+    [](const std::string& text) { return text; },  // as it is
+    [](const std::string& text) { return replaced(text, "\n", "\r\n"); },
+    [](const std::string& text) { return replaced(replaced(text, " ", "\t"), "\n", " \t\n"); },
+    [](const std::string& text) { return "# Exporter v1.0 \\\n\n" + replaced(text, "\n", " # a comment\n"); },
+    [](const std::string& text) { return "\xEF\xBB\xBFo Object.001\n" + replaced(text, "f ", "s off\nusemtl None\nf  "); },
+    [](const std::string& text) { return "mtllib\ng\n  " + replaced(text, "\n", "\n   "); },
+    // goes on in the next line; ends without one
+    [](const std::string& text) { return replaced(text.substr(0, text.size() - 1), " 0 ", " \\\n0 "); },
+    [](const std::string& text) { return replaced(text, "\n", "\r"); },  // old Macs
+};
 
 TEST(MeshHabits, EveryObjHasTheSameTriangles) {
   size_t files = 0, first = 0;
   for (const Numbers& n : numbers)
     for (const char* face : faces)
-      for (size_t h = first++ % 2; h < habits; h += 2, ++files) {  // each second one of all
+      for (size_t h = first++ % 2; h < std::size(habits); h += 2, ++files) {  // each second one of all
         std::string text = std::string("v ") + n.half + " 0 0\nv " + n.five_quarters + " " + n.minus_half + " 0\nv 0 " + n.one + " " +
                            n.minus_quarter + "\nv 0 0 " + n.one + "\nvt " + n.half + " 0\nvt 1 " + n.half + "\nvn 0 0 " + n.one + "\n";
-        expect_the_triangles("a.obj", habit(h, text + face));
+        expect_the_triangles("a.obj", habits[h](text + face));
         if (HasFatalFailure() || HasNonfatalFailure()) return;
       }
   EXPECT_GE(files, 200u);
@@ -253,14 +243,14 @@ TEST(MeshHabits, EveryPlyAndStlHasTheSameTriangles) {
       const std::string ply =
           "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float "
           "quality\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n";
-      expect_the_triangles("a.ply", habit(h, ply + a + " 0\n" + b + " 1\n" + c + " 2\n" + d + " 3\n3 0 1 2\n3 0 2 3\n"));
+      expect_the_triangles("a.ply", habits[h](ply + a + " 0\n" + b + " 1\n" + c + " 2\n" + d + " 3\n3 0 1 2\n3 0 2 3\n"));
       std::string stl = "solid a b\n";
       for (const auto& corners : {std::array{a, b, c}, std::array{a, c, d}}) {
         stl += "facet normal 0 0 0\nouter loop\n";
         for (const std::string& corner : corners) stl += "vertex " + corner + "\n";
         stl += "endloop\nendfacet\n";
       }
-      expect_the_triangles("a.stl", habit(h, stl + "endsolid a b\n"));
+      expect_the_triangles("a.stl", habits[h](stl + "endsolid a b\n"));
     }
 }
 

@@ -61,9 +61,7 @@ TEST(Projector, is_dark_in_the_visible_band_by_default) {
   World world;
   world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));
   world.add_projector(uniform_pattern, 9, 9, 4, 3.0f);
-  kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 100);
-  view.band = KUAFU_BAND_VISIBLE;
-  EXPECT_EQ(world.radiance(view).mean(), 0.0);
+  EXPECT_EQ(world.radiance(visible(view_at({0, 0, 0}, 4, 4, 100))).mean(), 0.0);
 }
 
 TEST(Projector, direct_light_through_smooth_glass_and_mirrors_is_direct) {

@@ -74,9 +74,7 @@ double in_furnace(kuafu_material_desc material, uint32_t tracer, bool textured =
     for (const LobeTexture& t : lobe_textures) material.*t.texture = world.add_texture(texture_of(texel, 1, 4));
   world.add(textured_plane(), material, placed({0, 0, 1}, 0.8));
   world.set_environment(1.0f);
-  kuafu_view_desc view = view_at({0, 0, 0}, 8, 8, 2000);
-  view.band = KUAFU_BAND_VISIBLE;
-  return world.radiance(view, 256).mean();
+  return world.radiance(visible(view_at({0, 0, 0}, 8, 8, 2000)), 256).mean();
 }
 
 // Everything at once, which the compute tracer compiles once: clear coat and light that is let through too.
@@ -103,9 +101,7 @@ TEST(LobeTextures, of_one_texel_are_their_factors) {
     for (float& c : lamp.intensity) c = 1;
     world.add_light(lamp, placed({0.5, 0.2, 0.2}));
     world.add_light(lamp, placed({0.1, 0.3, 1.5}));
-    kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 20);
-    view.band = KUAFU_BAND_VISIBLE;
-    return world.radiance(view, 16);
+    return world.radiance(visible(view_at({0, 0, 0}, 4, 4, 20)), 16);
   };
   const Pixels without = seen(nullptr, false);
   for (const LobeTexture& t : lobe_textures) {
@@ -213,9 +209,7 @@ TEST(Dispersion, of_a_prism_is_snells) {
     const double out = std::asin(index(waves[channel]) * std::sin(slant)) - slant;  // from +z, away from the normal
     const double far_m = 10, x = -far_m * std::tan(out);
     world.add(quad({x, 0, 2 + far_m}, {-0.03, 0, 0}, {0, 2, 0}), emitter(1));
-    kuafu_view_desc view = view_at({0, 0, 0}, 2, 2, 200000);
-    view.band = KUAFU_BAND_VISIBLE;
-    const Pixels seen = world.radiance(view, 256);
+    const Pixels seen = world.radiance(visible(view_at({0, 0, 0}, 2, 2, 200000)), 256);
     double mean[3] = {};
     for (uint32_t r = 0; r < 2; ++r)
       for (uint32_t col = 0; col < 2; ++col)

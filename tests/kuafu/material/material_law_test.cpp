@@ -72,18 +72,11 @@ TEST(Furnace, no_light_leaks_and_no_acne_at_any_scale) {
   }
 }
 
-kuafu_material_desc white_metal(float roughness) {
-  kuafu_material_desc m = kuafu_material_desc_init();
-  m.metallic = 1;
-  m.roughness = roughness;
-  return m;
-}
-
 TEST(Materials, a_white_metal_loses_nothing_at_any_roughness) {
-  for (const float v : in_furnace(white_metal(0), 1.0, 64).values) ASSERT_NEAR(v, 1.0f, 1e-4);
+  for (const float v : in_furnace(metal(0), 1.0, 64).values) ASSERT_NEAR(v, 1.0f, 1e-4);
   for (const float roughness : {0.0f, 0.1f, 0.3f, 0.6f, 1.0f})
     for (const double angle : {0.0, 0.8, 1.3, 1.5})
-      EXPECT_NEAR(in_furnace(white_metal(roughness), angle).mean(), 1, 0.01) << roughness << " " << angle;
+      EXPECT_NEAR(in_furnace(metal(roughness), angle).mean(), 1, 0.01) << roughness << " " << angle;
 }
 
 TEST(Materials, no_material_creates_energy) {
@@ -105,7 +98,7 @@ TEST(Materials, no_material_creates_energy) {
 }
 
 TEST(Materials, every_reflection_is_reciprocal) {
-  std::vector<kuafu_material_desc> materials{white_metal(0.4f), white_metal(0.9f)};
+  std::vector<kuafu_material_desc> materials{metal(0.4f), metal(0.9f)};
   for (const float roughness : {0.3f, 0.8f}) {
     kuafu_material_desc m = kuafu_material_desc_init();
     m.roughness = roughness;

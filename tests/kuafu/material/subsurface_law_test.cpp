@@ -86,9 +86,7 @@ TEST(Subsurface, channels_wander_each_on_their_own) {
   World world;
   world.add(box({1, 1, 1}), m, placed({0, 0, 3}));
   world.set_environment(1.0f);
-  kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 2000);
-  view.band = KUAFU_BAND_VISIBLE;
-  const Pixels image = world.radiance(view, 2048);
+  const Pixels image = world.radiance(visible(view_at({0, 0, 0}, 4, 4, 2000)), 2048);
   double means[3] = {};
   for (size_t i = 0; i < image.values.size(); ++i) means[i % 3] += double(image.values[i]) / 16;
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(means[c], colour[c], 0.02) << c;

@@ -25,9 +25,7 @@ uint32_t add_texture(World& world, const std::vector<uint8_t>& texels, uint32_t 
 }
 
 kuafu_view_desc visible_view(uint32_t size) {
-  kuafu_view_desc view = view_at({0, 0, 0}, size, size, size / 2.0);  // the wall fills the image
-  view.band = KUAFU_BAND_VISIBLE;
-  return view;
+  return visible(view_at({0, 0, 0}, size, size, size / 2.0));  // the wall fills the image
 }
 
 TEST(Textures, row_zero_is_at_the_top_and_colours_are_decoded) {
@@ -211,9 +209,7 @@ TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
     shape.colors = {0, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1};  // red grows with u
     world.add(shape, m);
     const Pixels infrared = albedo(world);
-    kuafu_view_desc view = view_at({0, 0, 0}, image_size, image_size, image_size / 2.0);
-    view.band = KUAFU_BAND_VISIBLE;
-    const Pixels visible = world.image(view, KUAFU_OUTPUT_ALBEDO);
+    const Pixels visible = world.image(visible_view(image_size), KUAFU_OUTPUT_ALBEDO);
     for (uint32_t column = 0; column < image_size; ++column) {
       const double red = 0.5 * coordinate(column, 0, 1);
       EXPECT_NEAR(infrared.at(0, 9, column), own_albedo ? 0.25 : red, 1e-5);

@@ -267,8 +267,7 @@ TEST(Optics, host_stages_and_compute_agree) {
     world.add(sphere(0.5, 16, false), lambert(0.7f), placed({0.1, 0, 2}));
     world.add_point({0.5, -1, 0}, 5);
     world.set_environment(0.3f);
-    kuafu_view_desc view = view_at({0, 0, 0}, side, side, focal_px);
-    view.band = KUAFU_BAND_VISIBLE;
+    kuafu_view_desc view = visible(view_at({0, 0, 0}, side, side, focal_px));
     const kuafu_optics_desc optics = everything();
     view.optics = &optics;
     images.push_back(world.radiance(view));

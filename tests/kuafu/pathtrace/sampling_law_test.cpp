@@ -11,10 +11,7 @@ namespace {
 void furnish(World& world) {
   world.add(quad({0, 0, 1.2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.6f));
   world.add(quad({0, 0.3, 0.8}, {-1, 0, 0}, {0, 0, -0.5}), lambert(0.7f));
-  kuafu_material_desc metal = kuafu_material_desc_init();
-  metal.metallic = 1;
-  metal.roughness = 0.4f;
-  world.add(sphere(0.15, 16, true, {-0.2, 0.1, 0.8}), metal);
+  world.add(sphere(0.15, 16, true, {-0.2, 0.1, 0.8}), metal(0.4f));
   world.add(sphere(0.15, 16, true, {0.2, 0.1, 0.7}), glass(1.5f));
   std::vector<float> pattern(64 * 64);
   for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
@@ -174,10 +171,7 @@ TEST(Sampling, tracers_agree) {
 TEST(Estimator, many_seeds_at_four_samples_have_the_mean_of_many_samples) {
   World world;
   world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), lambert(0.7f));
-  kuafu_material_desc metal = kuafu_material_desc_init();
-  metal.metallic = 1;
-  metal.roughness = 0.4f;
-  world.add(sphere(0.12, 12, true), metal, placed({-0.2, 0.18, 1}));
+  world.add(sphere(0.12, 12, true), metal(0.4f), placed({-0.2, 0.18, 1}));
   kuafu_material_desc frosted = glass(1.5f);
   frosted.transmission_roughness = 0.4f;
   world.add(sphere(0.12, 12, true), frosted, placed({0.2, 0.18, 1}));
