@@ -16,6 +16,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Capture, Frame
 from activestereo.capture.images import read_gray
 from activestereo.common.accuracy import is_invented
+from activestereo.common.lens import disparity_of
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, body_pose
 from activestereo.effects.engines.loaded_scene import RoomLight, has_room_light, light_by_room
 from activestereo.scene_io.scene_files import load_scene_file
@@ -47,8 +48,7 @@ class RealView:
 
     def disparity(self, depth_m: Map) -> Map:
         """Converts depth in metres to disparity in pixels, NaN without depth."""
-        with np.errstate(divide="ignore"):
-            return np.where(depth_m > 0, self.focal_baseline_px_m / depth_m, np.float32(np.nan)).astype(np.float32)
+        return disparity_of(depth_m, self.focal_baseline_px_m)
 
 
 def real_views(capture: Capture, device_depth: Path | None, device: str | int) -> list[RealView]:

@@ -70,3 +70,9 @@ def with_finer_pixels(k: NDArray[np.float64], n: float) -> NDArray[np.float64]:
     k[:2] *= n
     k[:2, 2] += 0.5 * (n - 1.0)  # pixel centres are whole numbers
     return k
+
+
+def disparity_of(depth_m: NDArray[np.float32], focal_baseline_px_m: float) -> NDArray[np.float32]:
+    """Converts depth in metres into disparity in pixels, NaN without depth."""
+    with np.errstate(divide="ignore"):
+        return np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -74,10 +73,8 @@ class McapFile:
         self._writer.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._writer.__exit__(kind, value, trace)
+    def __exit__(self, *error: object) -> None:
+        self._writer.__exit__(*error)
 
     def make(self, kind: str, **fields: Any) -> Any:
         """Makes a message of a type such as sensor_msgs/msg/Image; array fields are NumPy arrays."""

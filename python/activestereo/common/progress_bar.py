@@ -7,8 +7,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import TextIO, overload
+from typing import TextIO, TypeVar
 
 from activestereo.common.shown import printable
 
@@ -18,15 +17,10 @@ _WIDTH = 28
 
 # Called with the fraction done, 0..1; work that can be cancelled ends when it returns True.
 Progress = Callable[[float], object]
+_Progress = TypeVar("_Progress", Progress, None, Progress | None)
 
 
-@overload
-def part_of(progress: Progress, start: float, end: float) -> Progress: ...
-@overload
-def part_of(progress: None, start: float, end: float) -> None: ...
-@overload
-def part_of(progress: Progress | None, start: float, end: float) -> Progress | None: ...
-def part_of(progress: Progress | None, start: float, end: float) -> Progress | None:
+def part_of(progress: _Progress, start: float, end: float) -> _Progress:
     """Returns a progress function for one part of the work. It maps the part's fraction 0..1 to start..end of the whole
     and calls `progress`. Returns None if progress is None."""
     if progress is None:
@@ -51,10 +45,8 @@ class ProgressBar:
         self._start = self._drawn = self._clock()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is None:
+    def __exit__(self, *error: object) -> None:
+        if error[0] is None:
             self.phase = ""
             self._say(1.0, f"done in {duration(self._clock() - self._start)}")
         if self._terminal:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SPLIT_COLOR = {"train": BLUE, "test": ORANGE}
-_WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
+WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _COLUMNS = 4
 _LEGEND_IN = 0.32
 _RINGS = 12
@@ -98,7 +98,7 @@ def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     figure = Figure(figsize=(11.2 if columns > 1 else 4.4, height_in))
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _LEGEND_IN / height_in))
     for index, entry in enumerate(tables):
-        name = _WORDS[entry["covariate"]]
+        name = WORDS[entry["covariate"]]
         x_label = f"{name}{', ' + entry['covariate_unit'] if entry['covariate_unit'] else ''}"
         axes = _axes(figure, rows, columns, index + 1, x=x_label, y=unit if index % columns == 0 else None)
         _draw_bins(axes, entry["bins"])

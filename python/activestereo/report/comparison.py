@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from activestereo.common.html_table import table, text
-from activestereo.compare.where import COVARIATES, LARGEST_DISPARITY_ERROR_PX
-from activestereo.report.charts import covariates_chart, frames_chart, photon_transfer_chart
+from activestereo.compare.where import LARGEST_DISPARITY_ERROR_PX
+from activestereo.report.charts import WORDS, covariates_chart, frames_chart, photon_transfer_chart
 from activestereo.report.page import card, chart, section
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
 
-_WORDS = {covariate.name: covariate.words for covariate in COVARIATES}
 _CHANNEL = {"infrared": "Infrared", "disparity": "Disparity", "validity": "Validity"}
 _MEANING = {
     "infrared": "Residual of both cameras: measured minus simulated.",
@@ -139,7 +138,7 @@ def _tables(tables: Sequence[dict[str, Any]]) -> str:
             for b in entry["bins"]
         ]  # fmt: skip
         figures = "pixels", "mean", "95 %", "RMSE", "noise floor", "squared excess", "95 %"
-        head = [_WORDS[entry["covariate"]] + unit, *figures]
-        title = f"{_WORDS[entry['covariate']]}: {mark}, q = {entry['q_value']:.2g}{share}"
+        head = [WORDS[entry["covariate"]] + unit, *figures]
+        title = f"{WORDS[entry['covariate']]}: {mark}, q = {entry['q_value']:.2g}{share}"
         parts.append(f"<details><summary>{text(title)}</summary>{table(head, rows, numbers=range(1, 8))}</details>")
     return f"<details><summary>All {len(tables)} tables</summary>{''.join(parts)}</details>"

@@ -12,6 +12,7 @@ from matplotlib import colormaps
 
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.common.html_table import text
+from activestereo.common.lens import disparity_of
 from activestereo.report.models import (
     BASE,
     FOUND,
@@ -127,15 +128,14 @@ def _infrared_view(
 
 def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
     """Returns the explorer's data of one depth frame: disparities of the device and of the compared model, pixels."""
-    both = depth.measured, depth.model[0]
-    disparity = [np.where(z > 0, depth.focal_baseline / np.where(z > 0, z, 1.0), 0.0) for z in both]
+    disparity = [disparity_of(z, depth.focal_baseline) for z in (depth.measured, depth.model[0])]
     name = FOUND if comparison.model.effects else BASE
     error, valid = depth.disparity_error(depth.measured, depth.model[0])
     scores = comparison.scores["depth"][depth.frame.split]
     seen = disparity[0][disparity[0] > 0]
     low, high = (float(q) for q in np.quantile(seen, (0.01, 0.99))) if seen.size else (0.0, 1.0)
     named = zip(("measured", name), disparity, strict=True)
-    layers = {key: encoded_image(d, _DISPARITY_STEP_PX, d > 0) for key, d in named}
+    layers = {key: encoded_image(d, _DISPARITY_STEP_PX) for key, d in named}
     return {
         "frame": depth.frame.id, "split": depth.frame.split, "camera": _DEPTH, "unit": "px", "digits": 2,
         "map": "viridis", "power": 1.0,

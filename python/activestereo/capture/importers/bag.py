@@ -359,6 +359,14 @@ def _either(message: Any, name: str) -> Any:
     return getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
 
 
+def _unpacked(path: Path, topic: str, content: bytes, mode: str | None = None) -> NDArray[Any]:
+    try:
+        image = Image.open(io.BytesIO(content))
+        return np.asarray(image.convert(mode) if mode else image)
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+
+
 def _gray_pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
     """Decodes an image message's pixels, uint8 or uint16 [height, width]. A compressed image is a PNG file; a depth
     image has a header before it."""
@@ -367,10 +375,7 @@ def _gray_pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
         start = content.find(_PNG)
         if start < 0:
             raise ValueError(f"{path}: {topic}: format is '{message.format}', expected PNG: what is lossy is not read")
-        try:
-            pixels = np.asarray(Image.open(io.BytesIO(content[start:])))
-        except (OSError, SyntaxError) as error:
-            raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+        pixels = _unpacked(path, topic, content[start:])
         return pixels if pixels.dtype == np.uint8 else pixels.astype(np.uint16)
     kind = _TYPES.get(message.encoding)
     if kind is None:
@@ -410,10 +415,7 @@ def _color_pixels(path: Path, topic: str, message: Any) -> NDArray[np.uint8]:
     """Decodes a colour image message as RGB, uint8 [height, width, 3]."""
     content = np.asarray(message.data, np.uint8)
     if hasattr(message, "format"):
-        try:
-            return np.asarray(Image.open(io.BytesIO(content.tobytes())).convert("RGB"))
-        except (OSError, SyntaxError) as error:
-            raise ValueError(f"{path}: {topic}: a compressed image is damaged: {error}") from error
+        return _unpacked(path, topic, content.tobytes(), "RGB")
     name, size = message.encoding.lower(), (message.height, message.width)
     depth = 2 if name in _YUV else _CHANNELS.get(name, 1)
     if depth == 1 and name not in ("mono8", "8uc1", "y8"):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.plan import pattern_of
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.common.lens import is_distorting
+from activestereo.common.lens import disparity_of, is_distorting
 from activestereo.common.pose import body_pose
 from activestereo.model import SensorModel
 from activestereo.report.view.settings import SURFACE_FIELDS, Settings
@@ -156,9 +156,3 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
     taken_s = perf_counter() - begin
     exposure_s, gain = float(config.ir_camera_exposure), float(config.ir_camera_gain)
     return Pictures(left, right, disparity, focal_baseline, exposure_s, gain, taken_s)
-
-
-def disparity_of(depth_m: NDArray[np.float32], focal_baseline_px_m: float) -> NDArray[np.float32]:
-    """Converts depth in metres into disparity in pixels, NaN at depth 0."""
-    with np.errstate(divide="ignore"):
-        return np.where(depth_m > 0, focal_baseline_px_m / depth_m, np.nan).astype(np.float32)

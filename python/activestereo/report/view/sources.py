@@ -17,6 +17,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json_object
+from activestereo.common.lens import disparity_of
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, as_matrix
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthModel
@@ -29,7 +30,7 @@ from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import exposed
 from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import NUISANCES
-from activestereo.report.view.simulation import Exposure, Pictures, Simulation, disparity_of, drawn_from_left
+from activestereo.report.view.simulation import Exposure, Pictures, Simulation, drawn_from_left
 from activestereo.scene_io.defaults import light_closed_room, overall_view
 from activestereo.scene_io.scene_files import load_scene_file
 from activestereo.scene_io.staging import room_radiance
