@@ -59,8 +59,7 @@ def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
-    """Simulates the sensor in `count` random rooms and returns their Views. model: its effects act, except those on
-    named surfaces, because these rooms lack such surfaces."""
+    """Simulates the sensor in `count` random rooms. model: its effects act, except those on named surfaces."""
     config = config.seen_from_left()
     config.rgb_distortion = (0.0,) * 5  # depth is registered to a pinhole
     if config.ir_exposure_mode == "converging":
@@ -123,17 +122,15 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
 
 
 class Distance(NamedTuple):
-    """Measures how much the errors of two depth images differ. error_px: 1-Wasserstein distance between the
-    distributions of their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their
-    shares of pixels without depth."""
+    """The difference of two depth images' errors. error_px: 1-Wasserstein distance between their disparity errors,
+    clipped to 2 px. holes: difference of their shares of pixels without depth."""
 
     error_px: float
     holes: float
 
 
 def distance(views: Views, depth_m: Depths) -> Distance:
-    """Returns the Distance between depth_m and the views' measured depth, as a mean over the rooms. depth_m: [rooms,
-    height, width] metres, 0 = none."""
+    """Returns the rooms' mean Distance of depth_m, [rooms, height, width] metres, 0 = none, from the views' depth."""
     rooms = []
     for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True):
         is_there = (truth >= views.near_m) & (truth <= views.far_m)

@@ -371,8 +371,7 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
 
 
 def _correlation_px(residual: Map) -> float:
-    """Returns the lag, in pixels, at which the autocorrelation of a disparity residual falls to 1/e; 12 if it does not.
-    Lags along rows and along columns count alike."""
+    """Returns the lag, pixels along rows or columns, at which a residual's autocorrelation falls to 1/e, or 12."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

@@ -179,9 +179,8 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
 
 
 def closest(found: dict[str, dict[str, Agreement]], real: str) -> tuple[str, str]:
-    """Returns (a sentence, the name of the world whose scores correlate best with the real ones, in the mean over the
-    criteria). found: as agreements() returns it, of one world at least. The sentence also names worlds whose intervals
-    reach the best world's value."""
+    """Returns (a sentence, the world whose scores correlate best with the real ones, in the mean over the criteria).
+    The sentence also names worlds whose intervals reach its value. found: of agreements(), one world at least."""
     worlds = list(next(iter(found.values())))
     figures = {w: [own[w].pearson for own in found.values() if not isnan(own[w].pearson.value)] for w in worlds}
     if not any(figures.values()):

@@ -291,8 +291,7 @@ class MaterialFit:
         return Residuals(weights * one, weights * two, weights)
 
     def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-        """Returns the candidate with its colours replaced by those that fit best to its other values. Light intensities
-        come from the pixels around the object."""
+        """Returns the candidate with the best colours for its other values, under the light around the object."""
         free = np.array([name in COLORS for _, name in self.parameters])
         if not free.any():
             return theta

@@ -195,8 +195,7 @@ class Noise:
         return value, value * float(np.exp(-half)), value * float(np.exp(half))
 
     def model(self) -> SensorModel:
-        """Makes a SensorModel of the imager, with the black level among its nuisances, for model.json. Rounding's
-        variance is part of the offset."""
+        """Makes a SensorModel of imager and black level, for model.json. The offset includes rounding's variance."""
         source = f"calibrate noise: {self.chosen} noise model, {self.pixels} pixels, {self.repeats} repeats"
         source += "; static speckle does not show in repeats"
         value, low, high = (v**2 + ROUNDING_VARIANCE for v in self.interval("sigma_dn"))

@@ -314,8 +314,7 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (point [3] nearest to n lines by least squares, its standard deviations). a, b: [n, 3], two points of
-    each line. Outliers are dropped twice."""
+    """Returns (the point nearest to n lines, its standard deviations), without outliers. a, b: [n, 3] on each line."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)

@@ -226,8 +226,7 @@ def calibrate(
     views: list[BoardView], size: tuple[int, int], has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
     bit_depth: int = 8,
 ) -> Calibration:  # fmt: skip
-    """Computes the Calibration from boards' corners. Views above 5 times the median RMS are false detections: they are
-    dropped, and the rest is fitted again."""
+    """Computes the Calibration from boards' corners. Views above 5 times the median RMS are false detections."""
     result, rms = _bundle(views, size, has_lens, known_K, bit_depth)
     limit = _OUTLIER * float(np.median(list(rms.values())))
     good = [view for view in views if rms.get(view.name, 0.0) <= limit]

@@ -140,8 +140,7 @@ def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.n
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
-    """Returns all parameters of both infrared imagers at gain 1: ir_signal's, or SAPIEN's noise if that is None. The
-    configuration's responsivity and black level are included."""
+    """Returns all parameters of both infrared imagers at gain 1, ir_signal's or, if that is None, of SAPIEN's noise."""
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so

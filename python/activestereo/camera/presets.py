@@ -49,8 +49,7 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """Returns simsense's imager parameters from the noise figures in the camera's file. Returns None if the file has
-    none; SAPIEN's noise then applies."""
+    """Returns simsense's imager parameters from the camera's file; None without: SAPIEN's noise applies."""
     imager = camera.figures["imager"]
     if "conversion_gain_dn_per_e" not in imager:
         return None

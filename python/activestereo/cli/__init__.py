@@ -141,8 +141,7 @@ def _run(args: argparse.Namespace) -> None:
 
 @contextmanager
 def _no_empty_folder(out: Path | None) -> Iterator[None]:
-    """Wraps a command. If the command fails, it removes the folders that the command made for `out`, if they are still
-    empty. out: the command's --out, or None."""
+    """Wraps a command. If it fails, removes the empty folders that it made for `out`, its --out or None."""
     new = [] if out is None else [folder for folder in (out, *out.parents) if not os.path.lexists(folder)]
     try:
         yield

@@ -337,8 +337,7 @@ SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
-    """Returns the words with which a suggested next command repeats options of this run. names: the options, with "_"
-    for "-". Options at their default value are left out."""
+    """Returns the words by which a next command repeats this run's options, if not default. names: with "_" for "-"."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]

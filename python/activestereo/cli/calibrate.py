@@ -252,8 +252,7 @@ def _materials(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 
 
 def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
-    """Calibrates the rig. Writes a picture of the corners' coverage beside the model and, with --robot, the camera's
-    pose on the gripper."""
+    """Calibrates the rig. Also writes a picture of the coverage and, with --robot, the camera's pose on the gripper."""
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.rig import Board, calibrate_rig, write_coverage
 

@@ -179,8 +179,7 @@ def problems(device_count: int) -> list[Problem]:
 
 
 def driver_manifests() -> list[Path]:
-    """Returns the driver manifests (JSON files) that the Vulkan loader reads: those that VK_DRIVER_FILES or
-    VK_ICD_FILENAMES name, else those in the usual folders."""
+    """Returns the Vulkan loader's driver manifests, by VK_DRIVER_FILES, VK_ICD_FILENAMES or in the usual folders."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
     if named:
         return [path for path in map(Path, named.split(":")) if path.is_file()]

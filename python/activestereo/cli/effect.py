@@ -85,8 +85,7 @@ def _engine_or_image(e: Effect) -> str:
 
 
 def _table(effects: dict[str, Effect]) -> str:
-    """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
-    and their units follow below each line."""
+    """Returns a table: a line per effect (id, stage, family, 'engine' or 'image only'), its parameters below."""
     rows = [("id", "stage", "family", "simulated")]
     rows += [(e.id, e.stage.name.lower(), e.family, _engine_or_image(e)) for e in effects.values()]
     head, *lines = columns(rows).splitlines()

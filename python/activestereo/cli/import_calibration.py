@@ -64,8 +64,7 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
 
 
 def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:
-    """Reads the calibration file of --calibration; --baseline is used if the file has no baseline. Returns None without
-    the option. size: (width, height) of the images, or None."""
+    """Reads the file of --calibration, None without. --baseline fills a gap. size: (width, height), or None."""
     from activestereo.capture.importers.calibration import read_calibration_files
 
     if not args.calibration:
@@ -172,8 +171,7 @@ def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """Returns the words for --depth that give every frame a depth image, in order of the files' names. For example,
-    img_depth_laser.png gives "laser"."""
+    """Returns the words for --depth that give every frame a depth image, such as "laser" for img_depth_laser.png."""
     from activestereo.capture.importers.realsense_folder import frame_files
 
     found = []

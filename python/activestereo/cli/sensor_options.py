@@ -96,8 +96,7 @@ def write_maps(folder: Path, maps: Mapping[str, np.ndarray]) -> None:
 
 
 def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns a text table of times in ms. groups: {group: {stage: ms}}. A group's sum comes before its stages; stages
-    below 0.1 % of the total are left out."""
+    """Returns a table of times. groups: {group: {stage: ms}}, its sum first; stages below 0.1 % are left out."""
     total = sum(sum(stages.values()) for stages in groups.values())
     lines = [f"{'stage':32}{'time':>12}"]
     for group, stages in groups.items():

@@ -42,8 +42,7 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
 
 
 def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int) -> np.ndarray:
-    """Draws the sum [height, width] of Gaussian spots with these centres, peaks and sigma. Spots are cut at four
-    sigmas, and those centred outside the image are left out."""
+    """Draws the sum [height, width] of Gaussian spots, cut at four sigmas, without those centred outside."""
     reach = int(np.ceil(4.0 * sigma_px))
     inside = (np.rint(x) >= 0) & (np.rint(x) < width) & (np.rint(y) >= 0) & (np.rint(y) < height)
     x, y, peak = x[inside], y[inside], peak[inside]

@@ -101,8 +101,7 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """Returns the model's uniform radiance from all sides: MuJoCo's ambient terms and the headlight, which belongs to
-    the viewer and not to the room."""
+    """Returns the radiance from all sides: MuJoCo's ambient terms and the headlight, which is the viewer's."""
     head = model.vis.headlight
     total = (np.asarray(head.ambient) + np.asarray(head.diffuse)) * bool(head.active) + np.zeros(3)
     for light in range(model.nlight):
@@ -182,8 +181,7 @@ def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh:
-    """Returns the mesh with texture coordinates that lay a 2D texture over x and y. repeat: [2], how often it repeats
-    over the geom, or per metre if is_uniform."""
+    """Returns the mesh with a 2D texture over x and y. repeat: [2], over the geom, or per metre if is_uniform."""
     at = mesh.positions[:, :2] * [1.0, -1.0]
     half = 1.0 if is_uniform else 2.0 * np.abs(mesh.positions[:, :2]).max(axis=0).clip(1e-9)
     return replace(mesh, uvs=np.ascontiguousarray(at / half * repeat + 0.5 * (not is_uniform), np.float32))
@@ -316,8 +314,7 @@ class MujocoScene:
         return MujocoMount(self, number, is_camera=body is None)
 
     def geom_of(self, semantic_id: int) -> str:
-        """Returns the name of the geom that a pixel of the picture 'semantic_id' shows. semantic_id: the pixel's value,
-        the geom's number + 1 (0 = no geom)."""
+        """Returns the name of the geom at a pixel. semantic_id: of the picture, the geom's number + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:

@@ -173,8 +173,7 @@ class SensorModel:
         return {name for entry in self.effects for name in entry.surfaces}
 
     def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:
-        """Returns the fitted focal lengths, albedo factors and material properties for a scene with these materials.
-        Materials that the model does not know are left out."""
+        """Returns the fitted focal lengths, albedo factors and material properties for a scene with these materials."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )

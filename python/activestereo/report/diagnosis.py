@@ -100,8 +100,7 @@ def _told_rows(result: Mapping[str, Any], most: int) -> list[tuple[int, Mapping[
 
 
 def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
-    """Returns the final screen of `diagnose`. steps: commands to run next; page: the report's path; kept: text on the
-    cache and times, printed if `verbose`."""
+    """Returns the final screen of `diagnose`. page: the report's path; kept: text on cache and times, if `verbose`."""
     name = f"{result['capture']}: " if result.get("capture") else ""
     words = headline(result)
     rows, floor = errors_told(result), result["heldout_noise_floor"]

@@ -108,8 +108,7 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
 
 
 def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """Returns the model with an effect added. If the effect or its parameters are unknown it returns the model
-    unchanged, so that the report shows the rest."""
+    """Returns the model with an effect added; unchanged if it is unknown, so that the report shows the rest."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):
@@ -117,8 +116,7 @@ def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, par
 
 
 def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
-    """Returns the entry of scores["frames"] in `split` with the largest infrared error beyond the noise floor; if the
-    floor is unknown, with the largest error."""
+    """Returns the frame's scores in `split` with the largest infrared error beyond the noise floor, if known."""
     entries = [e for e in scores["frames"] if e["split"] == split]
     return max(
         entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0

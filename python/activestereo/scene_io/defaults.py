@@ -90,8 +90,7 @@ def room_place(scene: kuafu.Scene) -> NDArray[np.float64] | None:
 
 
 def _enclosed_m3(scene: kuafu.Scene, origin: NDArray[np.float64]) -> float:
-    """Returns the volume inside the scene's surfaces, by the divergence theorem about the point `origin`. It is
-    negative for a room whose surfaces face inwards."""
+    """Returns the volume inside the scene's surfaces, by the divergence theorem; negative if they face inwards."""
     total = 0.0
     for number in range(scene.summary.instance_count):
         instance = scene.get_instance(number)

@@ -111,8 +111,7 @@ class GltfWriter:
         self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
-        """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward), converted to glTF's (y up,
-        looking along -z). vertical_fov: radians."""
+        """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward). vertical_fov: radians."""
         perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])

@@ -70,8 +70,7 @@ LAMPS, SURFACES, ALL_SIDES = 0, 1, 2
 
 
 def part_light(scene: kuafu.Scene) -> None:
-    """Puts the light of emissive surfaces into the group SURFACES, so that renders can tell it from other lights. The
-    caller sets the group of light from all sides."""
+    """Puts emissive surfaces into the light group SURFACES. The caller sets the group of light from all sides."""
     for number in range(scene.summary.material_count):
         material = scene.get_material(number)
         if any(material.emission) or material.ir_emission:

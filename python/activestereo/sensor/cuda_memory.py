@@ -164,8 +164,7 @@ if TYPE_CHECKING:
 
 
 def cuda_tensor(array: CudaArray) -> torch.Tensor:
-    """Returns a torch tensor over the array's memory. Call wait_for() after torch's work with it, before the next
-    picture or depth overwrites the memory."""
+    """Returns a torch tensor over the array's memory. Call wait_for() after work with it, before the next picture."""
     return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
 
 

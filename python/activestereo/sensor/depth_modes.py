@@ -179,8 +179,7 @@ def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _rounded(depth: Depth, focal_baseline_px_m: float, jitter_px: NDArray[np.float64], step_px: float) -> Depth:
-    """Converts depth to disparity, adds jitter_px, rounds to whole steps of step_px, and converts back.
-    focal_baseline_px_m: focal length, px, times baseline, m."""
+    """Converts depth to disparity, adds jitter_px, rounds to steps of step_px, and converts back."""
     with np.errstate(divide="ignore", invalid="ignore"):
         disparity = np.rint((focal_baseline_px_m / depth + jitter_px) / step_px) * step_px
         return np.where((depth > 0) & (disparity > 0), focal_baseline_px_m / disparity, 0.0).astype(np.float32)

@@ -230,8 +230,7 @@ class SensorEngine:
         self._set_signals(self.rig.signals())
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Sets the sensor's temperature and the seconds since it was switched on, on which effects may depend. Maps of
-        matched pictures keep their values."""
+        """Sets the sensor's temperature and seconds since switched on, for effects. Maps of matched pictures stay."""
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 

@@ -20,8 +20,7 @@ _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """An object with a scene and a pose in it, which one sensor follows: a Mount, or the result of MujocoScene.mount()
-    of activestereo.integrations.mujoco."""
+    """An object with a scene and a pose in it, which a sensor follows: a Mount, or MujocoScene.mount()'s result."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -113,8 +112,7 @@ class Mounts:
 
 
 class Places:
-    """Keeps the last valid poses of a batch's mounts, and computes the RGB cameras' poses from them. pose: 4x4, the RGB
-    camera relative to its mount."""
+    """Keeps a batch's last valid mount poses, for the RGB cameras' poses. pose: 4x4, relative to the mount."""
 
     def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
         if not isinstance(getattr(mounts, "scene", None), kuafu.Scene):

@@ -92,8 +92,7 @@ class IrLink:
             self._source.write(images)
 
     def brighten(self, factors: np.ndarray) -> None:
-        """Multiplies both images of each pair by the pair's factor, float32 [count]. Images in a GPU's own memory are
-        changed in pieces that fit into the processor's cache."""
+        """Multiplies both images of each pair by the pair's factor, float32 [count]. A GPU's are changed in pieces."""
         for_views = np.tile(factors, 2)[:, None, None]
         at_once = max(1, _CACHED_BYTES // self._image_bytes) if self._is_on_gpu else len(for_views)
         for first in range(0, len(for_views), at_once):

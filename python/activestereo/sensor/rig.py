@@ -188,8 +188,7 @@ class RigInputs:
         self._inputs: EngineInputs | None = self._compute_inputs()
 
     def inputs(self) -> EngineInputs:
-        """Returns the parameters of renderer and depth engine under the model, with the RGB camera at the origin.
-        Recomputes them after a change of sensor or conditions."""
+        """Returns renderer's and depth engine's parameters under the model and conditions, RGB camera at the origin."""
         if self._inputs is None:
             inputs = self._compute_inputs()
             if not self._is_closed:

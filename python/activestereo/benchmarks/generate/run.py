@@ -100,8 +100,7 @@ def description(settings: Settings) -> dict[str, Any]:
 
 
 def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
-    """Makes the missing frames and yields the number of each after it is written. If a worker is lost, new workers make
-    the remaining frames."""
+    """Makes the missing frames, by new workers if one is lost, and yields the number of each that is written."""
     if workers == 1 or len(missing) < 2:
         yield from _make_in_process(settings, out, missing)
         return

@@ -380,8 +380,7 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns the mask, bool [height, width], of object number `index` in the RGB picture, as if it were alone in
-        the scene. pose: 4x4 from its file's axes to the world."""
+        """Returns the mask, bool [height, width], of an object in the RGB picture, as if it were alone. pose: 4x4."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
@@ -392,8 +391,7 @@ class Studio:
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
     """Returns the preset with an RGB image of the settings' size. The image is scaled to the height, and cut or widened
-    on both sides to the width. It has no distortion, because BOP's cameras are pinholes. Infrared images of another
-    size keep their horizontal field of view."""
+    on both sides to the width. It has no distortion, as BOP's cameras. Infrared images keep their field of view."""
     config = StereoDepthSensorConfig(settings.sensor)
     if settings.ir_size is not None:
         whole, config = config, config.resized(*settings.ir_size)

@@ -39,8 +39,7 @@ _LEAST_R, _COVERED = 0.25, 0.5
 
 @dataclass(frozen=True)
 class DotView:
-    """The usable pixels of one view. value: [n], normalised high-pass image. points: [n, 3] in the left camera's frame.
-    used: their mask [height, width]."""
+    """A view's usable pixels. value: [n], normalised high-pass. points: [n, 3] in the left camera. used: their mask."""
 
     value: NDArray[np.float32]
     points: NDArray[np.float32]

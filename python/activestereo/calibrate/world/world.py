@@ -252,8 +252,7 @@ def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_p
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
-    """Returns the angle, rad, by which a camera motion changes the direction of a point at distance_m: the rotation's
-    angle plus translation over distance. pose: the motion, 4x4."""
+    """Returns the angle, rad, by which a camera's motion (4x4) turns the direction of a point at distance_m."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 

@@ -368,8 +368,7 @@ def _unpacked(path: Path, topic: str, content: bytes, mode: str | None = None) -
 
 
 def _gray_pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
-    """Decodes an image message's pixels, uint8 or uint16 [height, width]. A compressed image is a PNG file; a depth
-    image has a header before it."""
+    """Decodes a message's pixels, uint8 or uint16 [height, width]. Compressed images are PNG, depth behind a header."""
     content = np.asarray(message.data, np.uint8).tobytes()
     if hasattr(message, "format"):
         start = content.find(_PNG)
@@ -435,8 +434,7 @@ _MOST_OF_8_BITS = 255
 
 
 class Pair(NamedTuple):
-    """Two rectified images of one size, uint8, or uint16 if the first pair has counts above 255. name: unique in the
-    recording and usable as a file name."""
+    """Two images of one size, uint8, or uint16 if the first pair exceeds 255. name: unique, usable for a file."""
 
     name: str
     left: NDArray[np.generic]

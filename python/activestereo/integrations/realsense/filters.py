@@ -190,8 +190,7 @@ _ALWAYS = 8
 
 
 class temporal_filter(filter):
-    """Averages each pixel over frames if it changes by less than filter_smooth_delta. Its persistence (option
-    holes_fill) decides when a hole keeps the last value."""
+    """Averages pixels over frames that change by less than filter_smooth_delta. holes_fill: which holes persist."""
 
     ranges = {
         option.filter_smooth_alpha: option_range(0, 1, 0.01, 0.4),
@@ -310,8 +309,7 @@ class align:
 
 
 def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
-    """Returns the target's pixels, [2, n], that a corner of each measured depth pixel falls into. corner_px: the
-    corner's offset from the pixel's centre."""
+    """Returns the target's pixels, [2, n], that a corner of each depth pixel falls into. corner_px: from its centre."""
     counts = np.asarray(depth.get_data())
     v, u = np.nonzero(counts)
     rays = deprojected(depth.profile.intrinsics, u + corner_px, v + corner_px)
@@ -399,8 +397,7 @@ class pointcloud:
 
 
 class save_to_ply(filter):
-    """Writes the points of each frame or frameset into one PLY file, which the next one overwrites. Options of its
-    format are accepted without effect."""
+    """Writes each frame's or frameset's points into one PLY file. Options of its format have no effect."""
 
     option_ignore_color, option_ply_mesh, option_ply_binary, option_ply_normals, option_ply_threshold = range(100, 105)
 

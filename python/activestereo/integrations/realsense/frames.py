@@ -76,8 +76,7 @@ _NAMES = {stream.depth: "Depth", stream.color: "Color", stream.infrared: "Infrar
 
 
 def getter(path: str) -> Any:
-    """Returns a method without arguments that returns an attribute of its object, because pyrealsense2 has methods
-    there. path: the attribute, such as 'request.fps'."""
+    """Returns a method that returns an attribute, because pyrealsense2 has methods. path: such as 'request.fps'."""
     read = attrgetter(path)
     return lambda self: read(self)
 

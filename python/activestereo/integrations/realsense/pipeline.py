@@ -233,8 +233,7 @@ class config:
 
 
 class pipeline_profile:
-    """Resolves the requested streams of a pipeline on its device. Raises RuntimeError if depth and infrared, which
-    share one image size, are requested in two sizes."""
+    """Resolves a pipeline's streams on its device. Raises RuntimeError for depth and infrared of two sizes."""
 
     def __init__(self, of: device, asked: config) -> None:
         self.device = of
@@ -306,8 +305,7 @@ class pipeline:
         return self._profile
 
     def wait_for_frames(self, timeout_ms: int = 5000) -> composite_frame:
-        """Returns the next frameset with every stream. It takes as long as the simulation needs; timeout_ms matters
-        only for the RuntimeError after the world's last frame."""
+        """Returns the next frameset, however long it takes. Raises RuntimeError after the world's last frame."""
         arrived, frames = self.try_wait_for_frames(timeout_ms)
         if not arrived or frames is None:
             raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")

@@ -76,8 +76,7 @@ def _entries(root: Path) -> list[Path]:
 
 
 def _below(folder: Path, depth: int) -> Iterator[Path]:
-    """Yields the captures, scenes and picture folders up to `depth` levels below a folder, in order of their names. It
-    follows no links and does not look into captures."""
+    """Yields captures, scenes and picture folders up to `depth` levels below a folder, by name. It follows no links."""
     if depth == 0 or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):

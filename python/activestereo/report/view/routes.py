@@ -82,8 +82,7 @@ class Routes:
         return packed({"name": name, "sliders": positions.surface_sliders(values) if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Writes a model.json of the sensor with the page's settings applied. Answers with its path and a
-        remark on settings that it cannot hold."""
+        """Writes a model.json with the page's settings. Answers with its path and a remark on what it cannot hold."""
         _, exposure, settings = self._asked(given)
         model, remark = saved_model(exposure, settings)
         with free_name(self._save_as) as path:
@@ -167,8 +166,7 @@ def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, st
 
 @contextmanager
 def free_name(path: Path) -> Iterator[Path]:
-    """Yields `path`, or if it exists a numbered one: model.json, model-2.json. An empty file reserves the name at once;
-    it is removed if the block fails."""
+    """Yields `path`, or a new numbered one, model-2.json, reserved by an empty file that goes if the block fails."""
     for number in range(1, _MOST_NUMBERS):
         name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
         try:

@@ -95,8 +95,7 @@ class Settings:
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
-    """Parses the settings in a call's JSON object. library: {id: Effect} and material_names: what the settings may
-    name. Raises ValueError with the fault."""
+    """Parses a call's settings. library: {id: Effect} and material_names: what they may name. Raises ValueError."""
     given = _object(given, "settings")
     for key in given:
         if key not in _KEYS:
@@ -159,8 +158,7 @@ def _slider(
 
 
 def camera_sliders(config: StereoDepthSensorConfig) -> list[dict[str, Any]]:
-    """Returns the sliders of exposure, gain and laser power. Their values are the configuration's; under automatic
-    exposure the picture itself states exposure and gain."""
+    """Returns the sliders of exposure, gain and laser power, at the configuration's values."""
     ratios = (("exposure_s", "exposure", "s", config.ir_camera_exposure), ("gain", "gain", "", config.ir_camera_gain))
     out = []
     for name, label, unit, value in ratios:

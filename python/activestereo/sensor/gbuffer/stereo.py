@@ -132,8 +132,7 @@ def _red(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 
 
 class InputImages:
-    """Holds the memory from which kuafu reads one camera's images [E, height, width]: depth, normal, albedo, material.
-    Each is allocated when it is first given."""
+    """Holds the memory from which kuafu reads one camera's depth, normal, albedo, material, once given."""
 
     def __init__(self, device: kuafu.Device, shape: tuple[int, ...], materials: MaterialNumbers) -> None:
         self._device, self._shape, self._materials = device, shape, materials
