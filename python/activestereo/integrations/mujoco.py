@@ -42,18 +42,14 @@ class Looks:
         """Returns the number of the geom's material in the scene."""
         key = (int(self._model.geom_matid[geom]), _rgba(self._model, geom))
         if key not in self._materials:
-            fields, texture = geom_surface(self._model, geom), self._colour_texture(key[0])
+            fields, texture = geom_surface(self._model, geom), self.colour_texture(key[0])
             if texture is not None:
                 fields["base_color_texture"] = self._texture(texture)
             self._materials[key] = self._scene.add_material(kuafu.Material(**fields))
         return self._materials[key]
 
-    def texture_kind(self, geom: int) -> int | None:
-        """Returns MuJoCo's kind (mjtTexture) of the geom's colour texture; None without one."""
-        texture = self._colour_texture(int(self._model.geom_matid[geom]))
-        return None if texture is None else int(self._model.tex_type[texture])
-
-    def _colour_texture(self, number: int) -> int | None:
+    def colour_texture(self, number: int) -> int | None:
+        """Returns the number of a material's colour texture; None without one."""
         if number < 0:
             return None
         roles = mujoco.mjtTextureRole
@@ -320,16 +316,16 @@ class MujocoScene:
     def _mesh(self, geom: int) -> int | None:
         """Returns the number of a geom's mesh, None without a surface. Geoms of equal shape and texturing share it."""
         model, material = self.model, int(self.model.geom_matid[geom])
-        kind = self._looks.texture_kind(geom)
+        texture = self._looks.colour_texture(material)
         shape = (int(model.geom_type[geom]), int(model.geom_dataid[geom]), model.geom_size[geom].tobytes())
-        key = (*shape, -1 if kind is None else material)
+        key = (*shape, -1 if texture is None else material)
         if key not in self._meshes:
             mesh = geom_mesh(model, geom)
             if mesh is None or not len(mesh.indices):
                 return None
-            if kind == mujoco.mjtTexture.mjTEXTURE_CUBE:
+            if texture is not None and model.tex_type[texture] == mujoco.mjtTexture.mjTEXTURE_CUBE:
                 mesh = cube_uvs(mesh, bool(model.mat_texuniform[material]))
-            elif kind is not None and not has_own_uvs(model, geom):
+            elif texture is not None and not has_own_uvs(model, geom):
                 mesh = plane_uvs(mesh, model.mat_texrepeat[material], bool(model.mat_texuniform[material]))
             self._meshes[key] = add_mesh(self.scene, mesh, self._name(geom))
         return self._meshes[key]
