@@ -134,8 +134,7 @@ def calibrate_materials(
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
-    """Searches the whole range of the parameters by successive halving. nominal: the scene's own values, a candidate,
-    too. Returns the last candidates, best first."""
+    """Searches the parameters' range by successive halving; returns candidates, best first. nominal: the scene's."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
     unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
     # Few materials are between metal and not, or half clear.

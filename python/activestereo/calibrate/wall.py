@@ -147,8 +147,7 @@ class _Fit:
         return np.rint(v).astype(int).clip(0, height - 1), np.rint(u).astype(int).clip(0, width - 1)
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Returns (pixel numbers, offsets in u, offsets in v, the spot's Gaussian), each [spot, pixel of the patch
-        around it]. The Gaussian is 0 outside the image."""
+        """Returns (pixel numbers, offsets in u, in v, Gaussian, 0 outside the image), each [spot, pixel of patch]."""
         reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y

@@ -198,8 +198,7 @@ def add_parser(commands: cli.Commands) -> None:
 def _section_part(
     parts: cli.Commands, name: str, summary: str, text: str, section: str, measure: Callable[..., Any]
 ) -> cli.Parser:
-    """Adds a calibration that replaces one section of model.json. measure(args, progress): returns the measured
-    SensorModel, a text on it, and perhaps commands to run next."""
+    """Adds a calibration of a section of model.json. measure(args, progress): returns (model, text, *commands)."""
     parser = cli.add_command(parts, name, summary, text, _run_section)
     parser.set_defaults(section=section, measure=measure)
     text = "model.json; made if it is not there, else one section is replaced"

@@ -21,8 +21,7 @@ class Accuracy:
 
 
 def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Returns a mask of invented depths: pixels with a measurement where no surface is, or more than 5 % off the true
-    depth. measured, true: metres, 0 = none."""
+    """Returns a mask of invented depths: where nothing is, or more than 5 % off. measured, true: metres, 0 = none."""
     return (measured > 0) & ((true <= 0) | (np.abs(measured - true) > INVENTED_SHARE * true))
 
 

@@ -112,8 +112,7 @@ def motion_of_twist(twist: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
-    """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` that looks at `target`, with `up` upwards in
-    the image. The three vectors are in the world's axes."""
+    """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` looking at `target`, `up` upwards."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)

@@ -248,8 +248,7 @@ class StereoDepthCamera(Camera):
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
-        """Returns the batch of sensors behind the camera, for further results: the infrared pair, true depth. Raises
-        RuntimeError before the first capture()."""
+        """Returns the sensors, for the infrared pair and true depth. Raises RuntimeError before the first capture()."""
         if self._observations is None:
             raise RuntimeError("no picture yet: call capture() first")
         return self._observations.sensors

@@ -142,8 +142,7 @@ class SensorModel:
     def with_effect(
         self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
     ) -> SensorModel:
-        """Returns a copy with one more effect, or with new parameters of a present one. Raises ValueError for an
-        unknown parameter or a value out of range."""
+        """Returns a copy with one more effect, or with new parameters of one. Raises ValueError if one is invalid."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
         values = {name: q for name, q in parameters.items() if name != SURFACES.name}

@@ -79,8 +79,7 @@ def part_light(scene: kuafu.Scene) -> None:
 
 
 def room_radiance(scene: kuafu.Scene) -> float:
-    """Returns the default visible radiance from all sides, W/(sr m^2): light from a room's walls if the scene has
-    lamps, else the light of an office."""
+    """Returns the default radiance from all sides, W/(sr m^2): a room's walls if there are lamps, else an office."""
     return ROOM_RADIANCE if has_lamps(scene) else float(ROOM_WITHOUT_LAMPS)
 
 

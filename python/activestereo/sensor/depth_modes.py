@@ -151,8 +151,7 @@ def isaac(
 def _places(
     shape: tuple[int, ...], sigma_px: float, random: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (rows, columns), in pixels, of a random point near each pixel of images of this shape, [E, height,
-    width]. sigma_px: standard deviation of its offset."""
+    """Returns (rows, columns) of a random point near each pixel, [E, height, width]. sigma_px: its deviation."""
     count, height, width = shape
     row, column = (random.normal(0.0, sigma_px, shape) for _ in range(2))
     row += np.arange(height)[:, None]

@@ -235,8 +235,7 @@ class SensorEngine:
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
-        """Drops the current pictures, numbers the next ones 0, and seeds render and noise. noise_seeds: a noise seed
-        for each sensor; None: all use `seed`."""
+        """Drops the pictures, numbers the next 0, and seeds render and noise. noise_seeds: each sensor's, or `seed`."""
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)

@@ -38,8 +38,7 @@ class LightShare:
 
 
 def light_share(sensor: StereoDepthSensor) -> LightShare | None:
-    """Measures LightShare by a render with few samples and separate outputs for each group of lights. Returns None if
-    the picture shows no surface or no infrared light."""
+    """Measures LightShare by a render of few samples; None if the picture shows no surface or no infrared light."""
     has_projector = sensor.get_config().light_pattern is not None
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")

@@ -73,8 +73,7 @@ class IrLink:
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
-        """Returns simsense.Engine.compute()'s arguments for the projector's light, which has speckle. Without
-        is_laser_apart it is {}: then all light has speckle."""
+        """Returns compute()'s arguments for the projector's light, which has speckle; {}, if all light has."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
     def images(self, count: int | None = None, first: int = 0) -> np.ndarray:

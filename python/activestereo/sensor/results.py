@@ -142,8 +142,7 @@ class SensorResults(ABC):
         return np.broadcast_to(k, (*leading, 3, 3)).copy()
 
     def get_extrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """Returns the camera's calibrated pose at the mount's present pose, [..., 4, 4] from its axes (x right, y down,
-        z forward) to the scene's, metres."""
+        """Returns the camera's present pose, [..., 4, 4], from its axes (x right, y down, z forward) to the scene's."""
         return self._poses() @ camera_to_world(Pose()) @ self.camera_info(camera).camera_to_rgb
 
     @computed_once

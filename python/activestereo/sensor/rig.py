@@ -239,8 +239,7 @@ class RigInputs:
         return {"band": "visible", "environments": self.environments, "optics": self.plan.config.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
-        """Returns the arguments of kuafu.Renderer.render that hold for the infrared cameras alone: band, environments,
-        optics. side: 0 (left) or 1 (right); None: both."""
+        """Returns kuafu.Renderer.render's arguments of the infrared cameras. side: 0 (left), 1 (right), None: both."""
         sides = self.inputs().sides if side is None else [self.inputs().sides[side]]
         seen = [LATER if one.delay_s else environment for one in sides for environment in self.environments]
         optics = [one.optics for one in sides for _ in self.environments]

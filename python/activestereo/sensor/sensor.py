@@ -112,8 +112,7 @@ class StereoDepthSensor(SensorResults):
     # ---- results ----
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """Returns [left, right], float32 [height, width] in 0..1: the counts, over full scale, that linear imagers
-        without noise and dark current would give."""
+        """Returns [left, right], float32 [height, width] in 0..1: counts of linear imagers without noise."""
         light, signals = self._engine.light(), self._engine.picture().signals
         return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
 
@@ -127,8 +126,7 @@ class StereoDepthSensor(SensorResults):
         return super().get_depth_map(name)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """Returns the measured points, float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward).
-        with_rgb: [n, 6], with colours 0..1."""
+        """Returns the measured points, float32 [n, 3], metres in the RGB camera; with_rgb: [n, 6], colours 0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
@@ -140,8 +138,7 @@ class StereoDepthSensor(SensorResults):
         return self.get_pictures([name], camera)[name]
 
     def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
-        """Renders several of get_picture()'s outputs at once, {name: image}. options: arguments of
-        kuafu.Renderer.render that override the sensor's own."""
+        """Renders several of get_picture()'s outputs, {name: image}. options: kuafu.Renderer.render's arguments."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
         return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera), **options)
@@ -186,8 +183,7 @@ class StereoDepthSensor(SensorResults):
         return self._engine.rig.make_matcher(1)
 
     def engine_inputs(self) -> EngineInputs:
-        """Returns the cameras, lights and parameters that renderer and depth engine get under the model, with the
-        infrared cameras at their present poses."""
+        """Returns the cameras, lights and parameters that renderer and depth engine get under the model, now."""
         self.ir_cameras()
         return self._engine.rig.inputs()
 

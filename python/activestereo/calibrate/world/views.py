@@ -184,8 +184,7 @@ def correlation(a: NDArray, b: NDArray) -> float:
 
 
 def _agreement(view: SceneView, rig: Rig) -> float:
-    """Returns the best correlation of both cameras' high-pass images, warped by depth, over a few column shifts. The
-    nominal calibration may be off by a pixel or two."""
+    """Returns the best correlation of both high-pass images, warped by depth, over shifts of a pixel or two."""
     left = high_pass(view.left)
     best = 0.0
     for shift in (0.0, -1.5, 1.5, -3.0, 3.0):

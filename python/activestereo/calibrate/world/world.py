@@ -94,8 +94,7 @@ class World:
         self.lines.append(line)
 
     def scene_views(self) -> tuple[list[SceneView], list[NDArray[np.float64]]]:
-        """Returns the views of one scene and their 4x4 view_to_world, measured in this run or else the capture's.
-        Raises ValueError if there are none."""
+        """Returns one scene's views and 4x4 view_to_world, measured or stated. Raises ValueError if there are none."""
         if self.poses is not None:
             return [self.views[i] for i in self.poses.views], list(self.poses.view_to_world)
         frames = {frame.id: frame.camera_to_world for frame in self.capture.frames}

@@ -31,8 +31,7 @@ def image_of(message: Any) -> NDArray[Any]:
 
 
 def gazebo_gbuffers(depth: Any, image: Any) -> dict[str, Any]:
-    """Converts the messages of one RGB-D camera to GBufferStereo's arguments. The picture's red becomes the albedo, a
-    guess of the infrared one; uint16 depth is in millimetres."""
+    """Converts RGB-D messages to GBufferStereo's arguments. Red becomes albedo; uint16 depth is in millimetres."""
     depth_m, picture = image_of(depth), image_of(image)
     depth_m = depth_m * 1e-3 if depth_m.dtype.kind == "u" else np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0)
     return {"depth": depth_m, "albedo": picture}

@@ -104,8 +104,7 @@ class Looks:
         return out
 
     def materials(self, entity: Any) -> list[int]:
-        """Returns the scene's material numbers of an entity's shapes, in the order of shapes(). It adds materials but
-        no meshes: use it if the meshes are in the scene already."""
+        """Returns an entity's material numbers, in the order of shapes(), for meshes that are in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def material(self, material: Any) -> int:

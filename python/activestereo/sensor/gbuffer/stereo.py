@@ -58,8 +58,7 @@ class MaterialNumbers:
         self._ids_on_cuda: Any = None
 
     def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
-        """Returns the scene's material ids for kuafu's light_gbuffers(). numbers: the caller's, of any shape; those
-        without a material get `unknown`."""
+        """Returns the scene's material ids of the caller's numbers, of any shape; `unknown` without a material."""
         ids = self._ids[self._places(numbers)]
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
