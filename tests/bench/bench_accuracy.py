@@ -18,6 +18,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 import simsense
+from activestereo.common.pose import rigid_motion
 
 DISPARITIES = 128
 BORDER = 12
@@ -32,8 +33,7 @@ def engine(**changes):
     def match(left, right):
         height, width = left.shape
         camera = simsense.Camera(width, height, [[400, 0, width / 2], [0, 400, height / 2], [0, 0, 1]])
-        pose = np.eye(4)
-        pose[0, 3] = -0.05
+        pose = rigid_motion((-0.05, 0, 0))
         settings = {"max_disparity": DISPARITIES, **PUBLISHED_PENALTIES} | changes
         matcher = simsense.Engine(
             simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 import mitsuba_scene
 from activestereo.common.pose import look_at
@@ -41,8 +42,7 @@ class Pair:
         self.peer: dict[str, Any] = {"type": "scene"}
 
     def add(self, mesh: meshes.Mesh, own: dict[str, Any], peer: dict[str, Any], at: Point = (0.0, 0.0, 0.0)) -> None:
-        place = np.eye(4)
-        place[:3, 3] = at
+        place = rigid_motion(at)
         paint = [self.scene.add_material(kuafu.Material(**own))]
         number = self.scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals)
         self.scene.add_instance(number, paint, local_to_world=place)

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 import simsense
 from activestereo.cli.depth import PROFILES
+from activestereo.common.pose import rigid_motion
 
 Image = NDArray[np.generic]
 Matcher = Callable[[Image, Image, int], NDArray[np.float32]]
@@ -91,8 +92,7 @@ class Pair:
 
 def host_matcher(camera: simsense.Camera, baseline_m: float, **settings: object) -> Callable[..., NDArray[np.float32]]:
     """A function of a rectified pair of simsense's engine on the processor: disparities, NaN = no measurement."""
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -baseline_m
+    left_to_right = rigid_motion((-baseline_m, 0, 0))
     engine = simsense.Engine(simsense.Device("host"), camera, camera, left_to_right, rectified=True, **settings)
 
     def match(left: Image, right: Image) -> NDArray[np.float32]:

@@ -19,6 +19,7 @@ from inject.kinds import KINDS, STRENGTHS
 from inject.noise import measured_noise_model
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_capture
 from activestereo.capture.write import write_capture
+from activestereo.common.pose import rigid_motion
 from activestereo.effects import builtin
 
 WIDTH, HEIGHT, FOCAL, BASELINE, DISTANCE = 96, 72, 80.0, 0.05, 1.0
@@ -27,9 +28,7 @@ BLACK, FLOOR, SLOPE = 4.0, 1.5, 0.06
 
 
 def translation(x):
-    pose = np.eye(4)
-    pose[0, 3] = x
-    return pose
+    return rigid_motion((x, 0, 0))
 
 
 def write_wall(folder, level, repeats=6, groups=True, seed=3):

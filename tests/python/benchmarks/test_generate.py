@@ -25,6 +25,7 @@ from activestereo.benchmarks.generate.studio import drop, scatter, sensor_config
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import generate as command
 from activestereo.cli import main
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes, usd
 from activestereo.scene_io.gltf_writer import GltfWriter
 
@@ -286,8 +287,7 @@ def data_set(tmp_path_factory) -> Path:
     for number in range(2):
         rgb, gray = (random.integers(0, 256, (48, 64, *more), np.uint8) for more in ((3,), ()))
         depth = np.rint(random.uniform(0.3, 3.0, (48, 64)) * 1000.0).astype(np.float32) / 1000.0
-        world_to_camera = np.eye(4)
-        world_to_camera[1, 3] = 0.5 * number
+        world_to_camera = rigid_motion((0, 0.5 * number, 0))
         confidence, reason = np.zeros((48, 64), np.float32), np.zeros((48, 64), np.uint8)
         images = rgb, gray, gray, depth, depth, confidence, reason
         bop.write_frame(out, Frame(number, *images, _K, world_to_camera, ()))

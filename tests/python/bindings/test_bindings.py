@@ -16,6 +16,7 @@ import pytest
 import kuafu
 import simsense
 from depth_engines import depth_engine
+from activestereo.common.pose import rigid_motion
 
 TRIANGLE = np.array([[-1, -1, 2], [1, -1, 2], [0, 1, 2]], np.float32), np.array([[0, 1, 2]], np.uint32)
 CAMERA = kuafu.Camera(16, 12, [[10, 0, 7.5], [0, 10, 5.5], [0, 0, 1]])
@@ -145,8 +146,7 @@ def test_records_come_back_as_they_went_in(scene):
     for name in (*told, *untold.split(), "base_color_texture"):
         assert getattr(back, name) == getattr(material, name), name
     assert kuafu.Material().ir_albedo is None and kuafu.Material().normal_texture is None
-    pose = np.eye(4)
-    pose[:3, 3] = 1, 2, 3
+    pose = rigid_motion((1, 2, 3))
     light = scene.get_light(scene.add_light(kuafu.Light(name="l", intensity=(1, 2, 3), light_to_world=pose)))
     assert light.kind == "point" and light.ir_intensity is None and light.environment is None and light.name == "l"
     np.testing.assert_array_equal(light.light_to_world, pose)

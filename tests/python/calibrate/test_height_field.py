@@ -9,6 +9,7 @@ from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
 from activestereo.cli import main
 from activestereo.common.pose import look_at
+from activestereo.common.pose import rigid_motion
 from command_line import led_on
 
 _K = np.array([[80.0, 0, 47.5], [0, 80.0, 35.5], [0, 0, 1.0]])
@@ -24,8 +25,7 @@ def step(tmp_path):
     depths = {k: np.rint(1e4 * (true + rng.normal(0, 1e-3, true.shape))).astype(np.uint16) for k in range(3)}
     for depth in depths.values():
         depth[10:20, 10:20] = 0
-    camera, right = Camera(96, 72, _K), np.eye(4)
-    right[0, 3] = -0.05
+    camera, right = Camera(96, 72, _K), rigid_motion((-0.05, 0, 0))
     rig = Rig(camera, camera, right, Projector(tmp_path / "none", _K, np.eye(4)))
     frames = [Frame(k, None, None, 0.1 * k, 0.008, _POSE, "train", repeat_group=0, depth_scale=1e-4) for k in depths]
     scene = tmp_path / "empty.gltf"

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 import kuafu
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.cli import main
@@ -237,8 +238,7 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
     (tmp_path / "d435.txt").write_text(ENUMERATED)
     rows = [f"{i:06d}.png,{0.1 * (i // 2)},0,0,0,0,0,1" for i in range(4)]
     (tmp_path / "poses.csv").write_text("name,x,y,z,qx,qy,qz,qw\n" + "\n".join(rows) + "\n")
-    hand = np.eye(4)
-    hand[2, 3] = 0.05
+    hand = rigid_motion((0, 0, 0.05))
     (tmp_path / "hand.json").write_text(json.dumps({"camera_to_gripper": hand.ravel().tolist()}))
     files = ["--calibration", str(tmp_path / "d435.txt"), "--robot", str(tmp_path / "poses.csv")]
     arguments = ["import", str(views), *files, "--out", str(tmp_path / "c")]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import Frame
+from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.view import View
 from activestereo.compare.where import (
     COVARIATES, GROUPS, BlockBootstrap, ResidualImage, benjamini_yekutieli, covariate_maps, gather_samples, interval,
@@ -106,8 +107,7 @@ def _plane_view(velocity=(0, 0, 0, 0, 0, 0), side="left"):
     depth[:, 81:] = 1.0
     normal = np.zeros((101, 161, 3))
     normal[..., 2] = -1.0
-    shift = np.eye(4)
-    shift[0, 3] = -0.05 if side == "right" else 0.0
+    shift = rigid_motion((-0.05 if side == "right" else 0.0, 0, 0))
     moving = {"camera_velocity": np.array(velocity, float)}
     frame = Frame(0, None, None, 0.5, 0.004, np.eye(4), "train", gain=2.0, temperature_c=None, **moving)
     projector_K = np.array([[20.0, 0, 31.5], [0, 20.0, 31.5], [0, 0, 1]])

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 reason = "the package pyrealsense2 is not installed (pip install pyrealsense2)"
 real = pytest.importorskip("pyrealsense2", reason=reason)
 
+from activestereo.common.pose import rigid_motion
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.frames import StreamRequest
 from real_software_device import SoftwareDevice
@@ -123,8 +124,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
     baseline_m, lens = 0.055, frameset(1)[0].profile.get_intrinsics()
     streams = []
     for index in (1, 2):
-        place = np.eye(4)
-        place[0, 3] = -baseline_m * (index - 1)
+        place = rigid_motion((-baseline_m * (index - 1), 0, 0))
         request = StreamRequest(rs.stream.infrared, index, 64, 48, rs.format.y8, 30)
         streams.append(rs.video_stream_profile(request, lens, place))
 
@@ -150,9 +150,8 @@ def test_what_the_real_recorder_writes_of_depth_and_colour_is_imported_with_its_
     pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
     from activestereo.capture.importers.bag import has_color_depth_alone, read_color_depth_bag
 
-    lens, place = frameset(1)[0].profile.get_intrinsics(), np.eye(4)
-    place[:3, :3] = Rotation.from_euler("xyz", (0.1, -0.2, 0.3)).as_matrix()
-    place[:3, 3] = (-0.015, 0.001, -0.002)
+    lens = frameset(1)[0].profile.get_intrinsics()
+    place = rigid_motion((-0.015, 0.001, -0.002), Rotation.from_euler("xyz", (0.1, -0.2, 0.3)).as_matrix())
     color = rs.video_stream_profile(StreamRequest(rs.stream.color, 0, 64, 48, rs.format.rgb8, 30), lens, place)
 
     def whole(number):

@@ -11,6 +11,7 @@ pytest.importorskip("rosbags.rosbag2", reason=reason)
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
+from activestereo.common.pose import rigid_motion
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.frames import StreamRequest
 
@@ -41,9 +42,8 @@ def frameset(number, unit_m=0.001):
         (rs.stream.infrared, 1, rs.format.y8, 0.0),
         (rs.stream.infrared, 2, rs.format.y8, -_BASELINE_M),
     ):
-        place = np.eye(4)
-        place[0, 3] = shift_m
-        profile = rs.video_stream_profile(StreamRequest(kind, index, 64, 48, form, 30), lens, place)
+        request, place = StreamRequest(kind, index, 64, 48, form, 30), rigid_motion((shift_m, 0, 0))
+        profile = rs.video_stream_profile(request, lens, place)
         depth = kind == rs.stream.depth
         shape = (48, 64, 3) if form == rs.format.bgr8 else (48, 64)
         pixels = np.random.default_rng(number).integers(0, 255, shape).astype(np.uint16 if depth else np.uint8)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import kuafu
+from activestereo.common.pose import rigid_motion
 
 CAMERA = kuafu.Camera(16, 12, [[20, 0, 7.5], [0, 20, 5.5], [0, 0, 1]])
 Z = 2.0
@@ -17,9 +18,7 @@ def scene(device):
     mesh = scene.add_mesh(wall, np.array([[0, 2, 1], [0, 3, 2]], np.uint32))
     scene.add_instance(mesh, [scene.add_material(kuafu.Material(ir_albedo=0.3, specular=0.0))], semantic_id=5)
     pattern = scene.add_texture(np.ones((64, 64, 1), np.float32))
-    pose = np.eye(4)
-    pose[0, 3] = 0.1
-    k = [[20, 0, 31.5], [0, 20, 31.5], [0, 0, 1]]
+    pose, k = rigid_motion((0.1, 0, 0)), [[20, 0, 31.5], [0, 20, 31.5], [0, 0, 1]]
     scene.add_light(kuafu.Light(kind="projector", texture=pattern, ir_intensity=1.0, k=k, light_to_world=pose))
     scene.set_environment((0.5, 0.5, 0.5), 0.5, light_group=2)
     return scene
@@ -65,8 +64,7 @@ def test_dtypes_and_scales(renderer, scene):
 
 
 def test_motion_of_cameras_and_of_frames(renderer, scene):
-    before = np.eye(4)
-    before[0, 3] = -0.2
+    before = rigid_motion((-0.2, 0, 0))
     motion = renderer.render(scene, CAMERA, ["motion"], previous_poses=before)["motion"]
     np.testing.assert_allclose(motion[..., 0], -20 * 0.2 / Z, atol=1e-4)
     scene.next_frame()

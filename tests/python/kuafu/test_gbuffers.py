@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import kuafu
+from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.shading import base_share, cosines_of, highlight
 
 FOCAL_PX, BASELINE_M, PROJECTOR_M = 100.0, 0.05, 0.03
@@ -14,9 +15,7 @@ MATT = {"specular": 0.0, "roughness": 1.0, "ir_albedo": 0.5}
 
 
 def pose(x_m):
-    place = np.eye(4)
-    place[0, 3] = x_m
-    return place
+    return rigid_motion((x_m, 0, 0))
 
 
 def lit(

@@ -7,8 +7,10 @@ import itertools
 from dataclasses import dataclass, replace
 from typing import Any
 
+import mitsuba_scene
 import numpy as np
 import pytest
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes, solids
 from activestereo.scene_io.bodies import add_mesh
 from activestereo.scene_io.meshes import Mesh
@@ -78,9 +80,7 @@ def intrinsics(side_px: int, fov_deg: float) -> Array:
 
 def downwards(z_m: float) -> Array:
     """Pose at (0, 0, z) that looks at the wall: x right, y down, z forward."""
-    pose = np.diag([1.0, -1.0, -1.0, 1.0])
-    pose[2, 3] = z_m
-    return pose
+    return rigid_motion((0, 0, z_m), np.diag((1, -1, -1)))
 
 
 FLAT = np.ones((PATTERN_PX, PATTERN_PX), np.float32)
@@ -99,8 +99,7 @@ def ours(device: kuafu.Device, mesh: Mesh | None, pattern: NDArray[np.float32], 
     scene.set_environment((0, 0, 0), 0.0)
 
     def add(mesh: Mesh, material: kuafu.Material, z_m: float) -> None:
-        place = np.eye(4)
-        place[2, 3] = z_m
+        place = rigid_motion((0, 0, z_m))
         scene.add_instance(add_mesh(scene, mesh), [scene.add_material(material)], local_to_world=place)
 
     add(wall(), kuafu.Material(base_color=(ALBEDO, ALBEDO, ALBEDO, 1.0), specular=0.0), 0.0)
@@ -118,40 +117,20 @@ def ours(device: kuafu.Device, mesh: Mesh | None, pattern: NDArray[np.float32], 
 
 
 def light_traced(mi: Any, mesh: Mesh | None, pattern: NDArray[np.float32], spp: int) -> Array:
+    def height(z_m: float) -> float:
+        return ENLARGED * (z_m - GLASS_Z_M)
+
     def add(mesh: Mesh, bsdf: dict[str, Any], z_m: float) -> Any:
-        props = mi.Properties()
-        props["mesh_bsdf"] = mi.load_dict(bsdf)
-        result = mi.Mesh("", len(mesh.positions), len(mesh.indices), has_vertex_normals=True, props=props)
-        parameters = mi.traverse(result)
-        placed = ENLARGED * (mesh.positions + [0, 0, z_m - GLASS_Z_M])
-        parameters["vertex_positions"] = placed.astype(np.float32).ravel()
-        parameters["faces"] = mesh.indices.ravel()
-        parameters["vertex_normals"] = mesh.normals.ravel()
-        parameters.update()
-        return result
+        large = replace(mesh, positions=ENLARGED * mesh.positions)
+        return mitsuba_scene.mesh(mi, large, bsdf, rigid_motion((0, 0, height(z_m))))
 
-    def pose(z_m: float) -> Any:  # Mitsuba: x left, y up, z forward
-        placed = downwards(ENLARGED * (z_m - GLASS_Z_M)) @ np.diag([-1.0, -1.0, 1.0, 1.0])
-        return mi.ScalarTransform4f(placed.tolist())
-
-    def grey(value: float) -> dict[str, Any]:
-        return {"type": "rgb", "value": [value] * 3}
-
-    k = intrinsics(PATTERN_PX, PATTERN_FOV_DEG)
-    x = (np.arange(PATTERN_PX) - k[0, 2]) / k[0, 0]
-    image = pattern * (1 + x[None] ** 2 + x[:, None] ** 2) ** -1.5  # theirs is of the image plane, ours of directions
+    k, camera = intrinsics(PATTERN_PX, PATTERN_FOV_DEG), mitsuba_scene.pose(mi, downwards(height(CAMERA_Z_M)))
     scene = {
         "type": "scene",
-        "wall": add(wall(), {"type": "diffuse", "reflectance": grey(ALBEDO)}, 0.0),
-        "lamp": {
-            "type": "projector", "to_world": pose(LAMP_Z_M), "fov": PATTERN_FOV_DEG,
-            "irradiance": {
-                "type": "bitmap", "bitmap": mi.Bitmap(np.repeat(image.astype(np.float32)[..., None], 3, -1)),
-                "raw": True, "filter_type": "bilinear", "wrap_mode": "clamp",
-            },
-        },
+        "wall": add(wall(), {"type": "diffuse", "reflectance": mitsuba_scene.grey(ALBEDO)}, 0.0),
+        "lamp": mitsuba_scene.projector(mi, pattern, k, 1.0, downwards(height(LAMP_Z_M))),
         "sensor": {
-            "type": "perspective", "fov": CAMERA_FOV_DEG, "to_world": pose(CAMERA_Z_M), "near_clip": 1e-3,
+            "type": "perspective", "fov": CAMERA_FOV_DEG, "to_world": camera, "near_clip": 1e-3,
             "film": {"type": "hdrfilm", "width": SIDE_PX, "height": SIDE_PX, "rfilter": {"type": "box"}},
         },
         "integrator": {"type": "ptracer", "max_depth": 16, "rr_depth": 100},
@@ -223,12 +202,6 @@ def test_light_behind_glass_is_the_light_tracers(shape: str) -> None:
 BATCH_SIDE_PX = 48
 
 
-def placed(z_m: float) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[2, 3] = z_m
-    return pose
-
-
 def rendered(
     device: kuafu.Device, beside_m: list[float], neighbour_first: bool, output: str = "radiance", shadows: str = "bent"
 ) -> tuple[NDArray[np.float32], int]:
@@ -242,7 +215,7 @@ def rendered(
 
     def fill(environment: int, radius_m: float, z_m: float) -> None:
         ball = add_mesh(scene, meshes.sphere(radius_m))
-        scene.add_instance(ball, [glass], local_to_world=placed(z_m), environment=environment)
+        scene.add_instance(ball, [glass], local_to_world=rigid_motion((0, 0, z_m)), environment=environment)
         place = downwards(1.4)
         scene.add_light(kuafu.Light(kind="point", intensity=(1, 1, 1), light_to_world=place, environment=environment))
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from activestereo.capture.capture import Camera, Capture, Projector, Rig
+from activestereo.common.pose import rigid_motion
 from activestereo.model import Pattern, SensorModel, read_model, write_model
 from activestereo.model.diagnosed import calibrated, pattern_image
 from activestereo.model.model import Rig as ModelRig
@@ -16,8 +17,7 @@ _NEW = np.array([[101.0, 0, 32.0], [0, 102.0, 23.0], [0, 0, 1.0]])
 
 
 def capture():
-    camera, right = Camera(64, 48, _K), np.eye(4)
-    right[0, 3] = -0.05
+    camera, right = Camera(64, 48, _K), rigid_motion((-0.05, 0, 0))
     return Capture(
         Path("c"), "c", Path("s.gltf"), Rig(camera, camera, right, Projector(Path("none.png"), _K, np.eye(4))), ()
     )
@@ -25,9 +25,7 @@ def capture():
 
 def model_rig(width=64):
     side = Camera(width, 48, _NEW, (0.1, 0.0, 0.0, 0.0, 0.0))
-    right, projector = np.eye(4), np.eye(4)
-    right[0, 3], projector[0, 3] = -0.0502, -0.03
-    return ModelRig(side, side, right, projector)
+    return ModelRig(side, side, rigid_motion((-0.0502, 0, 0)), rigid_motion((-0.03, 0, 0)))
 
 
 def test_the_rig_is_the_models_and_one_that_says_nothing_changes_nothing():

@@ -10,6 +10,7 @@ import pytest
 from schema_check import violations
 
 from activestereo.cli import main
+from activestereo.common.pose import rigid_motion
 from activestereo.effects import builtin
 from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
@@ -25,8 +26,7 @@ def whole(tmp_path) -> SensorModel:
     """A model that says something in every section."""
     image = tmp_path / "dots.png"
     write_gray(image, np.eye(60, 100, dtype=np.uint8) * 255)
-    beside = np.eye(4)
-    beside[0, 3] = -0.05
+    beside = rigid_motion((-0.05, 0, 0))
     side = Camera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0))
     rational = Camera(424, 240, K, (0.01, 0.0, 0.0, 0.0, 0.0, 0.02, -0.01, 0.001))
     model = SensorModel(

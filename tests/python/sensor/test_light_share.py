@@ -12,6 +12,7 @@ import pytest
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.staging import ALL_SIDES, ROOM_LUX, ROOM_WITHOUT_LAMPS, has_lamps, part_light
@@ -81,8 +82,7 @@ def _fill(scene: kuafu.Scene) -> float:
 def test_a_files_lamp_is_as_one_in_watts(tmp_path: Path, name: str) -> None:
     lamp = _LAMPS[name]
     ours = _scene(tmp_path / "bare.glb", None)
-    pose = np.diag([1.0, -1.0, -1.0, 1.0])  # a light shines along its +z, the file's along -z
-    pose[:3, 3] = _AT[lamp.kind]
+    pose = rigid_motion(_AT[lamp.kind], np.diag((1, -1, -1)))  # a light shines along its +z, the file's along -z
     ours.add_light(kuafu.Light(kind=lamp.kind, intensity=(lamp.watts,) * 3, light_to_world=pose))
     assert _fill(_scene(tmp_path / "lamp.glb", lamp)) == pytest.approx(_fill(ours), abs=0.05)
 

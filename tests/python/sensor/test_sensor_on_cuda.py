@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from activestereo import Mounts, StereoDepthSensor, StereoDepthSensorBatch, StereoDepthSensorConfig
+from activestereo.common.pose import rigid_motion
 from activestereo.effects import builtin
 from activestereo.model import Quantity, SensorModel
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory
@@ -50,9 +51,7 @@ def world(device: kuafu.Device) -> tuple[kuafu.Scene, Any]:
     scene.set_environment((0.3, 0.2, 0.1), 0.3)
 
     def set_wall(away_m: float) -> None:
-        pose = np.eye(4)
-        pose[0, 3] = away_m
-        scene.set_instance_pose(wall, pose)
+        scene.set_instance_pose(wall, rigid_motion((away_m, 0, 0)))
 
     return scene, set_wall
 

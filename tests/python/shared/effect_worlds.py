@@ -5,6 +5,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, maximum_filter, minimum_filter
 
 from activestereo.capture.capture import Camera, Frame, Projector, Rig
+from activestereo.common.pose import rigid_motion
 from activestereo.effects import Light, View
 from virtual_sensor.view import PatternSource, look
 from virtual_sensor.world import dot_pattern, look_at, table_top
@@ -18,9 +19,7 @@ PROJECTOR_K = np.array([[148.0, 0, 159.5], [0, 148.0, 99.5], [0, 0, 1.0]])
 
 
 def shift(x):
-    pose = np.eye(4)
-    pose[0, 3] = x
-    return pose
+    return rigid_motion((x, 0, 0))
 
 
 RIG = Rig(Camera(*SIZE, CAMERA_K), Camera(*SIZE, CAMERA_K), shift(-0.05), Projector(None, PROJECTOR_K, shift(-0.015)))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from activestereo.calibrate.material_fit import MaterialScene, Picture, pictures
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
@@ -25,8 +26,7 @@ COLOR = (0.6, 0.25, 0.2)
 _PATTERN = PatternDesign(width=848, height=480, dot_pitch_px=14.4, dot_sigma_px=1.8, seed=2)
 PATTERN_K = np.array([[400.0, 0, 423.5], [0, 400.0, 239.5], [0, 0, 1.0]])
 BASELINE_M = 0.05
-LEFT_TO_PROJECTOR = np.eye(4)
-LEFT_TO_PROJECTOR[0, 3] = -0.029
+LEFT_TO_PROJECTOR = rigid_motion((-0.029, 0, 0))
 DN, BLACK_DN, SHOT_DN, READ_DN = 700.0, 5.0, 0.005, 0.1**0.5
 ROOM, IR_ROOM, IR_PROJECTOR = 0.25, 0.02, 3.0  # radiance; W/sr at the pattern's brightest
 LAMPS = (((-0.6, 1.1, 0.5), (1.0, 0.93, 0.84), 1.5), ((0.7, 0.9, 0.6), (0.8, 0.9, 1.0), 1.0))  # place, colour, light
@@ -43,8 +43,7 @@ def mesh_of(shape):
 
 def place_of(shape):
     """A ball stands on its lowest point; a box shows two sides."""
-    pose = np.eye(4)
-    pose[1, 3] = 0.05 if shape == "ball" else 0.0
+    pose = rigid_motion((0, 0.05 if shape == "ball" else 0.0, 0))
     if shape == "box":
         turn = np.deg2rad(35.0)
         pose[0, [0, 2]], pose[2, [0, 2]] = (np.cos(turn), np.sin(turn)), (-np.sin(turn), np.cos(turn))
@@ -132,11 +131,9 @@ def record(
     write_room(folder / "scene.gltf", nominal, shape, nominal_color)
     width, height, K = intrinsics(scale)
     see, rng = see or _seen_by_kuafu(folder / "true.gltf", scale, samples), np.random.default_rng(0)
-    right = np.eye(4)
-    right[0, 3] = -BASELINE_M
     camera = Camera(width, height, K)
     projector = Projector(folder / "none", PATTERN_K, LEFT_TO_PROJECTOR)
-    rig = Rig(camera, camera, right, projector, color=ColorCamera(width, height, K))
+    rig = Rig(camera, camera, rigid_motion((-BASELINE_M, 0, 0)), projector, color=ColorCamera(width, height, K))
     frames, images, colors = [], {}, {}
     for k in range(poses):
         pose = camera_pose(k)

@@ -11,6 +11,7 @@ from material_worlds import (
 )  # fmt: skip
 from numpy.typing import NDArray
 
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from mitsuba_scene import grey, mesh, mitsuba, pose, projector
 
@@ -60,8 +61,7 @@ class MitsubaWorld:
         return image.mean(axis=-1) if is_ir else image
 
     def _room(self, is_ir: bool, camera_to_world: Image) -> dict[str, Any]:
-        there = np.eye(4)
-        there[1, 3] = -0.02
+        there = rigid_motion((0, -0.02, 0))
         matt = {"type": "diffuse", "reflectance": grey(TABLE_ALBEDO) if is_ir else _rgb(TABLE_COLOR)}
         table = mesh(self._mi, meshes.box(1.2, 0.02, 1.2), {"type": "twosided", "bsdf": matt}, there)
         bsdf, corners = self._bsdf(is_ir, (np.linalg.inv(self._place) @ camera_to_world)[:3, 3])

@@ -3,14 +3,15 @@
 
 import numpy as np
 
+from activestereo.common.pose import rigid_motion
 import activestereo.realsense as rs
 from activestereo.integrations.realsense.frames import StreamRequest
 
 
 def profiles(shift_m=-0.015):
     """The profiles of depth and of a colour camera that stands shift_m beside it."""
-    lens, moved = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady), np.eye(4)
-    moved[0, 3] = shift_m
+    lens = rs.intrinsics(64, 48, 31.5, 23.5, 50.0, 50.0, rs.distortion.brown_conrady)
+    moved = rigid_motion((shift_m, 0, 0))
     depth = StreamRequest(rs.stream.depth, 0, 64, 48, rs.format.z16, 30)
     color = StreamRequest(rs.stream.color, 0, 64, 48, rs.format.bgr8, 30)
     return rs.video_stream_profile(depth, lens, baseline_m=0.055), rs.video_stream_profile(color, lens, moved)

@@ -10,6 +10,7 @@ import numpy as np
 import kuafu
 from activestereo import StereoDepthSensorConfig
 from activestereo.camera.plan import pattern_k
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
@@ -53,8 +54,7 @@ class WallWorld:
     ) -> np.ndarray:
         """Radiance [2][height][width] of both cameras."""
         width, height = self.config.ir_resolution
-        poses = [np.eye(4), np.eye(4)]
-        poses[1][0, 3] = BASELINE_M
+        poses = np.eye(4), rigid_motion((BASELINE_M, 0, 0))
         cameras = [kuafu.Camera(width, height, self.config.ir_intrinsic, pose) for pose in poses]
         scene.add_light(light)
         out = kuafu.Renderer(device).render(
@@ -68,15 +68,12 @@ class WallWorld:
         mesh = scene.add_mesh(box.positions, box.indices.reshape(-1, 3), normals=box.normals)
         grey = {"name": "wall", "base_color": (0.6, 0.6, 0.6, 1), "ir_albedo": 0.6}
         matt = scene.add_material(kuafu.Material(metallic=0, roughness=1, specular=0, **grey))
-        lift = np.eye(4)
-        lift[1, 3], lift[2, 3] = -6.0, 0.01
-        scene.add_instance(mesh, [matt], local_to_world=self.wall_pose(wall) @ lift)
+        scene.add_instance(mesh, [matt], local_to_world=self.wall_pose(wall) @ rigid_motion((0, -6, 0.01)))
         return scene
 
     def textured(self, scene: kuafu.Scene) -> kuafu.Light:
         """The projector at its true place with the pattern as an image."""
-        pose = np.eye(4)
-        pose[:3, 3] = POSITION_M
+        pose = rigid_motion(POSITION_M)
         texture = scene.add_texture(make_pattern(self.config.pattern_design))
         return kuafu.Light(kind="projector", ir_intensity=3.0, texture=texture, k=self.projector_K, light_to_world=pose)
 
@@ -102,8 +99,7 @@ class WallWorld:
                 frames.append(Frame(number, path, path, 0.033 * number, 0.008, np.eye(4), "train", repeat_group=group))
         width, height = self.config.ir_resolution
         camera = Camera(width, height, self.config.ir_intrinsic)
-        left_to_right, left_to_projector = np.eye(4), np.eye(4)
-        left_to_right[0, 3], left_to_projector[:3, 3] = -BASELINE_M, -NOMINAL_POSITION_M
+        left_to_right, left_to_projector = rigid_motion((-BASELINE_M, 0, 0)), rigid_motion(-NOMINAL_POSITION_M)
         scene_file = folder.with_name(folder.name + "-scene.gltf")
         scene_file.write_text('{"asset": {"version": "2.0"}, "scenes": [{"nodes": []}], "scene": 0}')
         projector = Projector(Path("pattern.png"), self.projector_K, left_to_projector)

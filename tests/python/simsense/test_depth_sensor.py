@@ -8,6 +8,7 @@ import pytest
 
 import simsense
 from depth_engines import depth_engine
+from activestereo.common.pose import rigid_motion
 
 SIGNATURE = (
     "lr_size, k_l, k_r, l2r, rgb_size=None, k_rgb=None, l2rgb=None, min_depth=0.0, max_depth=10.0, "
@@ -18,8 +19,7 @@ SIGNATURE = (
 )
 SIZE = (160, 96)
 K = np.array([[120.0, 0.0, 79.5], [0.0, 120.0, 47.5], [0.0, 0.0, 1.0]])
-L2R = np.eye(4)
-L2R[0, 3] = -0.05
+L2R = rigid_motion((-0.05, 0, 0))
 DISPARITY = 12
 
 

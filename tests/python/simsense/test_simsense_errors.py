@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import simsense
+from activestereo.common.pose import rigid_motion
 
 K = [[400.0, 0.0, 160.0], [0.0, 400.0, 120.0], [0.0, 0.0, 1.0]]
 IMAGE = np.zeros((240, 320), np.uint8)
 
 
 def pose(x=-0.05):
-    matrix = np.eye(4)
-    matrix[0, 3] = x
-    return matrix
+    return rigid_motion((x, 0, 0))
 
 
 def camera(k=K):
