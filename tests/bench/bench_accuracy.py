@@ -13,57 +13,28 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from bench_pairs import HH4, THREE_WAY, ours, seen_by_both, sgbm
 from matplotlib.figure import Figure
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 import simsense
-from activestereo.common.pose import rigid_motion
 
 DISPARITIES = 128
-BORDER = 12
-PUBLISHED_PENALTIES = {"p1": 7, "p2": 86}  # of SimSense; rows that say nothing of penalties have them
+INSIDE = np.s_[12:-12, 12:-12]
+PUBLISHED_PENALTIES = {"p1": 7, "p2": 86}  # of SimSense
 DATA = Path(os.environ.get("ACTIVESTEREO_DATA", Path(__file__).parents[3] / "shared")) / "data" / "d435-real"
-
-
-def engine(**changes):
-    """A matcher of rectified pairs: disparity in pixels, -1 = none."""
-    faults = changes.pop("faults", ())
-
-    def match(left, right):
-        height, width = left.shape
-        camera = simsense.Camera(width, height, [[400, 0, width / 2], [0, 400, height / 2], [0, 0, 1]])
-        pose = rigid_motion((-0.05, 0, 0))
-        settings = {"max_disparity": DISPARITIES, **PUBLISHED_PENALTIES} | changes
-        matcher = simsense.Engine(
-            simsense.Device("host"), camera, camera, pose, rectified=True, faults=faults, **settings
-        )
-        return matcher.compute(left, right, ("disparity",))["disparity"]
-
-    return match
-
-
-def opencv(mode, block):
-    """The same range, checks and relative penalties; padded on the left, so that all columns are computed."""
-
-    def match(left, right):
-        settings = dict(minDisparity=0, numDisparities=DISPARITIES, blockSize=block, P1=8 * block**2, P2=32 * block**2)
-        stereo = cv2.StereoSGBM_create(**settings, disp12MaxDiff=1, preFilterCap=63, uniquenessRatio=15, mode=mode)
-        padded = (cv2.copyMakeBorder(image, 0, 0, DISPARITIES, 0, cv2.BORDER_REPLICATE) for image in (left, right))
-        return stereo.compute(*padded)[:, DISPARITIES:].astype(np.float32) / 16
-
-    return match
 
 
 EXACT = {"faults": simsense.FAULTS, "subpixel": 1, "census_contrast": 0}
 MATCHERS = {
-    "simsense, p1 7, p2 86": engine(),
-    "simsense, 8 paths": engine(path_count=8),
-    "simsense, default (p1 8, p2 32)": engine(p1=8, p2=32),
-    "simsense, fast (block 1x1, p1 8, p2 32)": engine(block_width=1, block_height=1, p1=8, p2=32),
-    "simsense-exact (the published engine)": engine(**EXACT),
-    "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
-    "OpenCV StereoSGBM 3WAY, block 7": opencv(cv2.STEREO_SGBM_MODE_SGBM_3WAY, 7),
+    "simsense, p1 7, p2 86": ours(**PUBLISHED_PENALTIES),
+    "simsense, 8 paths": ours(path_count=8, **PUBLISHED_PENALTIES),
+    "simsense, default (p1 8, p2 32)": ours(p1=8, p2=32),
+    "simsense, fast (block 1x1, p1 8, p2 32)": ours(block_width=1, block_height=1, p1=8, p2=32),
+    "simsense-exact (the published engine)": ours(**EXACT, **PUBLISHED_PENALTIES),
+    "OpenCV StereoSGBM HH4, block 7": sgbm(HH4, 7),
+    "OpenCV StereoSGBM 3WAY, block 7": sgbm(THREE_WAY, 7),
 }
 
 
@@ -120,32 +91,17 @@ def rendered_table_top(folder):
     return (*sensor.get_ir_measured(), disparity)
 
 
-def seen_by_both(disparity):
-    """Pixels that the right camera sees too: nothing nearer lands where they do."""
-    height, width = disparity.shape
-    rows, columns = np.nonzero(np.isfinite(disparity))
-    d = disparity[rows, columns]
-    target = np.rint(columns - d).astype(int)
-    inside = (target >= 0) & (target < width)
-    nearest = np.zeros((height, width))
-    np.maximum.at(nearest, (rows[inside], target[inside]), d[inside])
-    seen = np.zeros((height, width), bool)
-    seen[rows[inside], columns[inside]] = d[inside] >= nearest[rows[inside], target[inside]] - 1
-    seen[:BORDER] = seen[-BORDER:] = False
-    seen[:, :BORDER] = seen[:, -BORDER:] = False
-    return seen
-
-
 def table_of(left, right, truth):
     """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both cameras see; share of the
     measured that is off by more; RMS of those within a pixel; median error. Returns {matcher: disparity}."""
-    seen = seen_by_both(truth)
+    seen = np.zeros(truth.shape, bool)
+    seen[INSIDE] = seen_by_both(truth)[INSIDE]
     all_found = {}
     print(
         f"| {'matcher':40} | fill | off > 0.5 px | > 1 px | > 2 px | RMS within 1 px | median |\n|--|--|--|--|--|--|--|"
     )
     for name, match in MATCHERS.items():
-        found = all_found[name] = match(left, right)
+        found = all_found[name] = match(left, right, DISPARITIES)
         measured = (found > 0) & np.isfinite(truth)
         error = np.abs(found - truth)[measured]
         off = [100 * np.mean(error > limit) for limit in (0.5, 1, 2)]
@@ -200,9 +156,8 @@ def draw_depths(path, left, device_mm, found_mm):
 
 def locking_curve(found, truth, bins=25):
     """Mean error over the fraction of the true disparity, and its amplitude: half of the peak-to-peak of the curve."""
-    inside = np.zeros(truth.shape, bool)
-    inside[BORDER:-BORDER, BORDER:-BORDER] = True
-    use = inside & (found >= 0) & (np.abs(found - truth) < 1)
+    found, truth = found[INSIDE], truth[INSIDE]
+    use = np.abs(found - truth) < 1
     fraction = np.floor((truth % 1) * bins).astype(int)[use]
     mean = np.bincount(fraction, (found - truth)[use], bins) / np.bincount(fraction, minlength=bins)
     mean -= mean.mean()
@@ -211,16 +166,16 @@ def locking_curve(found, truth, bins=25):
 
 def pixel_locking(left, right, truth, folder):
     shown = {
-        "equiangular on the block's costs (default)": engine(),
-        "parabola": engine(subpixel=1),
-        "parabola, every count (published SimSense)": engine(subpixel=1, census_contrast=0),
-        "OpenCV StereoSGBM HH4, block 7": opencv(cv2.STEREO_SGBM_MODE_HH4, 7),
+        "equiangular on the block's costs (default)": ours(**PUBLISHED_PENALTIES),
+        "parabola": ours(subpixel=1, **PUBLISHED_PENALTIES),
+        "parabola, every count (published SimSense)": ours(subpixel=1, census_contrast=0, **PUBLISHED_PENALTIES),
+        "OpenCV StereoSGBM HH4, block 7": sgbm(HH4, 7),
     }
     figure = Figure(figsize=(7.2, 3.8), layout="constrained")
     axes = figure.subplots()
     print("| subpixel step | pixel locking: amplitude of the bias |\n|--|--|")
     for name, match in shown.items():
-        mean, amplitude = locking_curve(match(left, right), truth)
+        mean, amplitude = locking_curve(match(left, right, DISPARITIES), truth)
         print(f"| {name} | {amplitude:.4f} px |")
         axes.plot((np.arange(len(mean)) + 0.5) / len(mean), mean, label=f"{name}: {amplitude:.3f} px")
     axes.set_xlabel("fraction of the true disparity, pixels")
@@ -244,7 +199,7 @@ def real_pair(folder):
     )
     found_mm = {}
     for name, match in MATCHERS.items():
-        disparity = match(left, right)[::2, ::2]
+        disparity = match(left, right, DISPARITIES)[::2, ::2]
         depth = np.where(disparity > 0, 427.12 * 50 / np.where(disparity > 0, disparity, 1), 0)
         both = (depth > 150) & (depth < 2000) & (device > 0)
         fit = [1.0, 0.0]

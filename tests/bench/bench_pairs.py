@@ -173,6 +173,20 @@ def plane_residual(disparity: NDArray[np.float32]) -> float:
     return float(np.sqrt(np.mean(residual[kept] ** 2)))
 
 
+def seen_by_both(disparity: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Pixels of known disparity that the right camera sees too: nothing nearer lands where they do."""
+    rows, columns = np.nonzero(np.isfinite(disparity))
+    d = disparity[rows, columns]
+    target = np.rint(columns - d).astype(int)
+    inside = (target >= 0) & (target < disparity.shape[1])
+    rows, columns, target, d = rows[inside], columns[inside], target[inside], d[inside]
+    nearest = np.zeros_like(disparity)
+    np.maximum.at(nearest, (rows, target), d)
+    seen = np.zeros(disparity.shape, bool)
+    seen[rows, columns] = d >= nearest[rows, target] - 1
+    return seen
+
+
 def tiles(shape: tuple[int, ...], side: int) -> list[tuple[slice, slice]]:
     """All whole squares of an image, row by row."""
     rows, columns = (range(0, size - side + 1, side) for size in shape)

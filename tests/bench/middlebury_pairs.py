@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes a folder of pairs for bench_pairs.py from data sets of Middlebury (vision.middlebury.edu/stereo/data).
 
-    python3 tests/bench/middlebury_pairs.py FOLDER SCENE...
+    PYTHONPATH=build/python python3 tests/bench/middlebury_pairs.py FOLDER SCENE...
 
 A SCENE is a folder of the 2003 sets (im2.png, im6.png, disp2.pgm and disp6.pgm or .png in quarter pixels) or of the
 2014 ones (im0.png, im1.png, disp0.pfm). Pixels that the right camera does not see do not count: their match in the 2003
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from bench_pairs import seen_by_both
 from numpy.typing import NDArray
 
 QUARTER = 4  # counts of a pixel in the 2003 sets at 450x375
@@ -34,23 +35,11 @@ def seen_by_both_2003(left: NDArray[np.float32], right: NDArray[np.float32]) -> 
     return (left > 0) & (match >= 0) & (there > 0) & (np.abs(there - left) <= 1)
 
 
-def seen_by_both_2014(left: NDArray[np.float32]) -> NDArray[np.bool_]:
-    known = np.isfinite(left)
-    match = np.round(np.arange(left.shape[1]) - np.where(known, left, np.inf))
-    y, x = np.nonzero(known & (match >= 0))
-    lands = match[y, x].astype(int)
-    nearest = np.zeros_like(left)
-    np.maximum.at(nearest, (y, lands), left[y, x])
-    seen = np.zeros(left.shape, bool)
-    seen[y, x] = left[y, x] > nearest[y, lands] - 1
-    return seen
-
-
 def write(scene: Path, folder: Path) -> None:
     if (scene / "disp0.pfm").exists():
         pair = (scene / "im0.png", scene / "im1.png")
         disparity = cv2.imread(str(scene / "disp0.pfm"), cv2.IMREAD_UNCHANGED)
-        seen = seen_by_both_2014(disparity)
+        seen = seen_by_both(disparity)
     else:
         pair = (first_of(scene, "im2.png", "im2.ppm"), first_of(scene, "im6.png", "im6.ppm"))
         disparity, other = (
