@@ -14,36 +14,30 @@ from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.compare.measured_image import warp_between
 from activestereo.effects.core.laws import example_view
 
+FISHEYE = (0.08, -0.03, 0.01, -0.002)
 LENSES = {
     "polynomial": (-0.1, 0.03, 1e-3, -2e-3, 0.01),
     "rational": (0.1, -0.05, 1e-3, -2e-3, 0.01, 0.2, -0.03, 0.01),
     "pincushion": (0.8, 0.5, 1e-3, -2e-3, 0.3),
+    "fisheye": FISHEYE,
+    "equidistant": (0.0, 0.0, 0.0, 0.0),
 }
 BARREL = (-0.3, 0.0, 0.0, 0.0, 0.0)  # folds at a radius of 1 / sqrt(0.9), which it draws at 2/3 of that
 
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_a_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens):
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.2, 1.2, 17), np.linspace(-0.9, 0.9, 11)))
+    reach, is_fisheye = (4.0, True) if len(lens) == 4 else (1.2, False)
+    x, y = (reach * a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 17), np.linspace(-0.75, 0.75, 13)))
     drawn = distort(x, y, lens)
-    points = np.stack([x, y, np.ones_like(x)], axis=1)
-    expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), np.array(lens))[0].reshape(-1, 2)
-    np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
+    points, none = np.stack([x, y, np.ones_like(x)], axis=1)[:, None], np.zeros(3)
+    if is_fisheye:
+        expected = cv2.fisheye.distortPoints(points[..., :2], np.eye(3), np.array(lens))
+        assert is_drawn(x, y, lens).all() and is_distorting(lens)
+    else:
+        expected = cv2.projectPoints(points, none, none, np.eye(3), np.array(lens))[0]
+    np.testing.assert_allclose(np.stack(drawn, axis=1), expected[:, 0], rtol=0, atol=1e-13)
     np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
-
-
-FISHEYE = (0.08, -0.03, 0.01, -0.002)
-
-
-@pytest.mark.parametrize("lens", [FISHEYE, (0.0, 0.0, 0.0, 0.0)], ids=["polynomial", "equidistant"])
-def test_a_fisheye_lens_draws_where_opencv_draws_and_its_inverse_comes_back(lens):
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-4.0, 4.0, 17), np.linspace(-3.0, 3.0, 13)))
-    drawn = distort(x, y, lens)
-    points = np.stack([x, y], axis=1)[:, None]
-    expected = cv2.fisheye.distortPoints(points, np.eye(3), np.array(lens))[:, 0]
-    np.testing.assert_allclose(np.stack(drawn, axis=1), expected, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(undistort(*drawn, lens), (x, y), rtol=0, atol=1e-9)
-    assert is_drawn(x, y, lens).all() and is_distorting(lens)
 
 
 def test_a_fisheye_lens_folds_where_its_radius_stops_growing():

@@ -8,7 +8,9 @@ import numpy as np
 
 from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig
 from activestereo.capture.write import write_capture
+from activestereo.common.pose import rigid_motion
 from virtual_sensor.gltf import write_gltf
+from virtual_sensor.held_out.rig import look_at
 from virtual_sensor.pcg import Pcg
 from virtual_sensor.sensor import Sensor, expose
 from virtual_sensor.solids import Box, Rectangle, Sphere
@@ -50,18 +52,6 @@ def dot_pattern(width, height, dots, seed):
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
-def look_at(eye, target):
-    """Returns the 4x4 camera-to-world pose of a camera at `eye` that looks at `target`: x right, y down, z forward,
-    world y up."""
-    eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    z = (target - eye) / np.linalg.norm(target - eye)
-    x = np.cross(z, [0.0, 1.0, 0.0])
-    x /= np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3] = np.stack([x, np.cross(z, x), z, eye], axis=1)
-    return pose
-
-
 def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=1):
     """Records the table-top as a capture in folder/capture and returns its World. There are two train poses and one
     test pose, each recorded twice. One more frame has no projector light, and one has half the exposure."""
@@ -80,7 +70,8 @@ def make_world(folder, seed=1, size=(106, 60), sensor=None, grid=4, bounces=1):
     ]  # fmt: skip
     frames, images, views, by_pose = [], {}, {}, {}
     for i, (pose, exposure, power, group, split) in enumerate(plan):
-        frames.append(_frame(i, poses[pose], exposure, power, group, split))
+        more = {"projector_power": power, "repeat_group": group}
+        frames.append(Frame(i, None, None, 0.1 * i, exposure, poses[pose], split, **more))
         for e, side in enumerate(("left", "right")):
             if (pose, side) not in by_pose:
                 by_pose[pose, side] = see(
@@ -107,24 +98,5 @@ def _rig(size, pattern_path):
     focal = 0.5 * width
     camera = Camera(width, height, np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]]))
     source_K = np.array([[148.0, 0, 159.5], [0, 148.0, 99.5], [0, 0, 1.0]])
-    return Rig(camera, camera, _shift(-BASELINE_M), Projector(pattern_path, source_K, _shift(-PROJECTOR_X_M)))
-
-
-def _shift(x):
-    pose = np.eye(4)
-    pose[0, 3] = x
-    return pose
-
-
-def _frame(i, pose, exposure, power, group, split):
-    return Frame(
-        id=i,
-        left_path=None,
-        right_path=None,
-        timestamp_s=0.1 * i,
-        exposure_s=exposure,
-        projector_power=power,
-        camera_to_world=pose,
-        repeat_group=group,
-        split=split,
-    )
+    left_to_right, left_to_projector = rigid_motion((-BASELINE_M, 0, 0)), rigid_motion((-PROJECTOR_X_M, 0, 0))
+    return Rig(camera, camera, left_to_right, Projector(pattern_path, source_K, left_to_projector))
