@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
+from activestereo.common.pose import look_at
 from activestereo.scene_io import OWN_ENDINGS
 
 
@@ -34,11 +35,7 @@ def camera_before(low, high):
     """Sees the box from a corner of the room."""
     middle, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
     forward = np.array([-0.5, -0.35, -0.8]) / np.linalg.norm([-0.5, -0.35, -0.8])
-    right = np.cross(forward, [0, 1, 0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], 1)
-    pose[:3, 3] = middle - forward * 3 * radius
+    pose = look_at(middle - forward * 3 * radius, middle, (0, 1, 0))
     k = [[150, 0, 39.5], [0, 150, 29.5], [0, 0, 1]]
     return kuafu.Camera(80, 60, k, pose, near_m=1e-3 * radius, far_m=1e3 * radius)
 

@@ -14,6 +14,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.calibration import read_calibration_yaml
 from activestereo.cli import main
+from activestereo.common.pose import rigid_motion
 
 pytest.importorskip("yaml", reason="the package PyYAML is not installed (apt-get install python3-yaml)")
 
@@ -30,10 +31,8 @@ NEW_K = np.array([[190.0, 0, 80.5], [0, 190.0, 59.5], [0, 0, 1]])
 
 def left_to_right():
     """By points: the same point in rectified axes differs by the baseline."""
-    pose = np.eye(4)
-    pose[:3, :3] = np.linalg.inv(R["right"]) @ R["left"]
-    pose[:3, 3] = np.linalg.inv(R["right"]) @ [-BASELINE, 0, 0]
-    return pose
+    straight = np.linalg.inv(R["right"])
+    return rigid_motion(straight @ [-BASELINE, 0, 0], straight @ R["left"])
 
 
 def projection(side):

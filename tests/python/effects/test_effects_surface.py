@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from activestereo.common.pose import rigid_motion
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.dots import glow
@@ -16,6 +17,7 @@ from activestereo.effects.engines.layers import RenderRequest
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import box, sphere
 from effect_worlds import CAMERA_K, PATTERN, POSE, PROJECTOR_K, SIZE, seen, shift, smooth_places, view_of
+from scipy.spatial.transform import Rotation
 from virtual_sensor.view import PatternSource, look
 from virtual_sensor.world import table_top as world_table_top
 
@@ -89,11 +91,7 @@ def test_second_projector_is_a_second_source_in_the_world():
     light, geometry = seen(bounces=0)
     view = view_of(geometry)
     offset, yaw = (0.08, 0.03), 0.12
-    turn = np.eye(4)
-    turn[:3, :3] = [[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]]
-    place = np.eye(4)
-    place[:2, 3] = offset
-    pose = POSE @ shift(0.015) @ place @ turn
+    pose = POSE @ shift(0.015) @ rigid_motion((*offset, 0), Rotation.from_euler("y", yaw).as_matrix())
     source = PatternSource(pose[:3, 3], pose[:3, :3], PROJECTOR_K, PATTERN)
     truth = look(world_table_top(), SIZE, CAMERA_K, POSE @ shift(0.05), source, seed=3, grid=6, bounces=0).direct
     unit = {"intensity_m2": 1.0, "offset_x_m": offset[0], "offset_y_m": offset[1], "yaw_rad": yaw}

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import kuafu
+from activestereo.common.pose import look_at
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.staging import INFRARED_SHARES, EnvironmentMapError, infrared_share, read_environment_map
 from activestereo.scene_io.staging import set_environment_map, set_infrared_share
@@ -132,18 +133,15 @@ def test_the_sky_is_up_and_the_middle_is_before_a_gltf_camera(tmp_path: Path) ->
     scene = kuafu.Scene(kuafu.Device("cpu"))
     set_environment_map(scene, written(tmp_path / "a.hdr", rgb), 0.5)
     looks = {"up": (0, 1, 0), "forward": (0, 0, -1), "right": (1, 0, 0)}
-    seen = {name: look_at(scene, np.array(direction, float)) for name, direction in looks.items()}
+    seen = {name: radiance_of(scene, np.array(direction, float)) for name, direction in looks.items()}
     np.testing.assert_allclose(seen["up"], (2, 0, 0), atol=0.05)
     np.testing.assert_allclose(seen["forward"], (0, 1.5, 0), atol=0.05)
     np.testing.assert_allclose(seen["right"], (0, 0, 1), atol=0.05)
 
 
-def look_at(scene: kuafu.Scene, forward: np.ndarray) -> np.ndarray:
+def radiance_of(scene: kuafu.Scene, forward: np.ndarray) -> np.ndarray:
     """The visible radiance in one direction."""
-    right = np.cross(forward, [0.3, 0.2, 0.9])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    pose = look_at((0, 0, 0), forward, (0.3, 0.2, 0.9))
     camera = kuafu.Camera(4, 4, np.array([[4000.0, 0, 1.5], [0, 4000.0, 1.5], [0, 0, 1]]), pose)
     image = kuafu.Renderer(scene.device).render(scene, camera, band="visible")
     return np.asarray(image["radiance"])[0].mean((0, 1))

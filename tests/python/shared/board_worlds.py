@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.calibrate.rig import Board
 from activestereo.calibrate.rig import BoardView
+from activestereo.common.pose import rigid_motion
 
 BOARD = Board("chessboard", 9, 6, 0.03)
 _CORNER_NOISE_PX = 0.08
@@ -30,9 +31,7 @@ def printed(board: Board, pixels_per_m: float, margin_m: float) -> np.ndarray:
 
 
 def matrix(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec(turn).as_matrix(), place
-    return pose
+    return rigid_motion(place, Rotation.from_rotvec(turn).as_matrix())
 
 
 def projected(points: np.ndarray, pose: np.ndarray, K: np.ndarray, lens: np.ndarray | None = None) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
+from activestereo.common.pose import rigid_motion
 
 WIDTH, HEIGHT = 480, 270
 F, CX, CY = 340.0, 236.0, 137.0
@@ -50,9 +51,7 @@ class Room:
         """camera_to_world: turned about a tripod's axis, 5 cm behind the camera."""
         y, x, z = np.radians((*self.turns_deg[k], 0.0)[:3])
         turn = np.linalg.multi_dot([cv2.Rodrigues(np.array(a))[0] for a in ((0, y, 0.0), (x, 0, 0.0), (0, 0, z))])
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = turn, turn @ (0, 0, 0.05) - (0, 0, 0.05)
-        return pose
+        return rigid_motion(turn @ (0, 0, 0.05) - (0, 0, 0.05), turn)
 
     def write(self, folder: Path) -> Path:
         """A folder as cameras' users have it: left, right, depth (0.1 mm)."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import kuafu
 from activestereo import StereoDepthSensorConfig
@@ -44,10 +45,7 @@ class WallWorld:
     def wall_pose(self, wall: tuple[float, float]) -> np.ndarray:
         """The wall's local_to_world: its front is local z = 0, seen along +z."""
         distance, yaw = wall
-        pose = np.eye(4)
-        pose[0, 0], pose[0, 2], pose[2, 0], pose[2, 2] = np.cos(yaw), np.sin(yaw), -np.sin(yaw), np.cos(yaw)
-        pose[2, 3] = distance
-        return pose
+        return rigid_motion((0, 0, distance), Rotation.from_euler("y", yaw).as_matrix())
 
     def render(
         self, device: kuafu.Device, wall: tuple[float, float], light: kuafu.Light, scene: kuafu.Scene, spp: int = 32

@@ -5,6 +5,7 @@ import inspect
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import simsense
 from depth_engines import depth_engine
@@ -185,8 +186,7 @@ def test_eight_paths_and_a_first_disparity(pair):
 def test_each_fault_has_its_switch(pair):
     k_rgb = K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]]
     rgb = {"rgb_size": SIZE, "k_rgb": k_rgb, "l2rgb": np.eye(4)}
-    turned = L2R.copy()
-    turned[:3, :3] = [[np.cos(0.03), 0, np.sin(0.03)], [0, 1, 0], [-np.sin(0.03), 0, np.cos(0.03)]]
+    turned = rigid_motion(L2R[:3, 3], Rotation.from_euler("y", 0.03).as_matrix())
     views = ({}, {**rgb, "depth_dilation": True})
 
     def depth(**settings):

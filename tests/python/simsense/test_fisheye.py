@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import simsense
+from activestereo.common.pose import rigid_motion
 
 WIDTH, HEIGHT = 192, 144
 K = np.array([[90.0, 0, 95.0], [0, 91.0, 72.0], [0, 0, 1]])
@@ -23,8 +24,7 @@ def pair():
 
 def engine(back_end, registered=False):
     camera = simsense.Camera(WIDTH, HEIGHT, K, LENS, "kannala_brandt")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = TURN, (-0.05, 0.001, 0.0005)
+    pose = rigid_motion((-0.05, 0.001, 0.0005), TURN)
     more = {}
     if registered:
         k = np.array([[70.0, 0, 79.0], [0, 70.0, 59.0], [0, 0, 1]])
