@@ -10,32 +10,23 @@ choice, and diagnosed again. DIR/next/WORLD/{asked,random}/ holds the answers; r
 Resumable.
 """
 
-import argparse
 import json
 import multiprocessing
 import os
 import shutil
 import sys
-from pathlib import Path
 
 import numpy as np
 from suite_score import read_results
-from suite_sets import ALL, items
+from suite_sets import items
 from make_case import make_case
-from run_suite import COMMAND, diagnose_capture
+from run_suite import diagnose_capture, parser_of_a_run
 from virtual_sensor.held_out.more import CHOICES
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--set", choices=("small", *ALL, "all"), required=True)
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--generation", type=int, default=0, metavar="N", help="of the test cases, as for run_suite.py")
+    parser = parser_of_a_run(__doc__)
     parser.add_argument("--most", type=int, default=20, metavar="N", help="test cases (default: 20)")
-    parser.add_argument("--jobs", type=int, default=2, metavar="N")
-    parser.add_argument("--scene-errors", type=float, default=1.0, metavar="X")
-    parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
-    parser.add_argument("--timeout", type=float, default=900.0, metavar="S")
     args = parser.parse_args()
     by_id = {item.id: item for item in items(args.set, args.generation)}
     chosen = [r for r in read_results(args.out, by_id) if r.is_ambiguous][: args.most]

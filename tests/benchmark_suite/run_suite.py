@@ -43,25 +43,32 @@ def main():
     return 1 if right < args.least or any(result.failed for result in results) else 0
 
 
-def _arguments():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def parser_of_a_run(description):
+    """Returns a parser with the options of all that diagnoses test cases."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     sets = ("small", "single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba", "all")
     parser.add_argument("--set", choices=sets, required=True)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
-    parser.add_argument("--only", nargs="+", metavar="NAME",
-                        help="test cases of these ids, or that hide one of these effects")  # fmt: skip
-    parser.add_argument("--limit", type=int, metavar="N", help="the first N test cases only")
     parser.add_argument("--command", default=COMMAND, help="the tool, with {capture} and {out} (default: %(default)s)")
-    parser.add_argument("--keep", action="store_true", help="keep the captures")
     for name, default, metavar, words in (
         ("--jobs", 2, "N", "cases at a time, each on its share of the cores (default: 2)"),
         ("--generation", 0, "N", "other test cases of the same kinds (default: 0, the suite's own)"),
         ("--scene-errors", 1.0, "X", "size of the calibration's and scene's errors, which captures then state "
                                      "(default: 1)"),
         ("--timeout", 900.0, "S", "seconds per diagnosis (default: 900)"),
-        ("--least", 0, "N", "fail where fewer test cases are answered rightly"),
     ):  # fmt: skip
         parser.add_argument(name, type=type(default), default=default, metavar=metavar, help=words)
+    return parser
+
+
+def _arguments():
+    parser = parser_of_a_run(__doc__)
+    parser.add_argument("--only", nargs="+", metavar="NAME",
+                        help="test cases of these ids, or that hide one of these effects")  # fmt: skip
+    parser.add_argument("--limit", type=int, metavar="N", help="the first N test cases only")
+    parser.add_argument("--keep", action="store_true", help="keep the captures")
+    parser.add_argument("--least", type=int, default=0, metavar="N",
+                        help="fail where fewer test cases are answered rightly")  # fmt: skip
     return parser.parse_args()
 
 

@@ -167,30 +167,26 @@ def score(results):
     return {"measures": measures, "by_strength": _by_strength(of["single"]), "calibration": _calibration(results)}
 
 
+def _measure(value=None, low=None, high=None, n=0):
+    return {"value": value, "low": low, "high": high, "n": n}
+
+
 def rate(outcomes):
     outcomes = [bool(o) for o in outcomes]
     if not outcomes:
-        return {"value": None, "low": None, "high": None, "n": 0}
+        return _measure()
     interval = binomtest(sum(outcomes), len(outcomes)).proportion_ci(method="wilson")
-    return {"value": sum(outcomes) / len(outcomes), "low": interval.low, "high": interval.high, "n": len(outcomes)}
+    return _measure(sum(outcomes) / len(outcomes), interval.low, interval.high, len(outcomes))
 
 
 def median(values):
     """Returns {value, low, high, n}: the median with the order statistics' binomial interval (95 %)."""
     values = np.sort(np.asarray(values, dtype=np.float64))
     if not values.size:
-        return {"value": None, "low": None, "high": None, "n": 0}
-    half = 0.98 * np.sqrt(values.size)
-    low, high = (
-        max(0, int(np.floor(values.size / 2 - half))),
-        min(values.size - 1, int(np.ceil(values.size / 2 + half))),
-    )
-    return {
-        "value": float(np.median(values)),
-        "low": float(values[low]),
-        "high": float(values[high]),
-        "n": int(values.size),
-    }
+        return _measure()
+    middle, half = values.size / 2, 0.98 * np.sqrt(values.size)
+    low, high = max(0, int(np.floor(middle - half))), min(values.size - 1, int(np.ceil(middle + half)))
+    return _measure(float(np.median(values)), float(values[low]), float(values[high]), int(values.size))
 
 
 def _first(r):
@@ -271,7 +267,7 @@ def _ece(results):
     bins = _calibration(results)
     total = sum(b["n"] for b in bins)
     value = sum(b["n"] * abs(b["stated"] - b["right"]) for b in bins) / total if total else None
-    return {"value": value, "low": None, "high": None, "n": total}
+    return _measure(value, n=total)
 
 
 def _by_strength(singles):

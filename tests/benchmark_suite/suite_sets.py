@@ -72,34 +72,21 @@ def _items(name):
     if name == "all":
         found = [item for part in ALL for item in _items(part)]
         return [found[i] for i in np.random.Generator(np.random.PCG64(1)).permutation(len(found))]
-    lists = {
-        "single": _single, "pairs": _pairs, "outside": _outside, "none": _none, "depth": _depth, "wider": _wider,
-        "filters": _filters, "mitsuba": _mitsuba,
-    }  # fmt: skip
+    cases = {
+        "single": _each(SINGLE, range(len(STRENGTHS))), "pairs": _pairs(), "outside": _each(OUTSIDE), "depth": _depth(),
+        "none": [({}, True)] * NONES, "wider": _each(WIDER), "filters": _each(FILTERS), "mitsuba": _mitsuba(),
+    }[name]  # fmt: skip
     return [
-        Item(name, number, tuple(strengths.items()), infrared)
-        for number, (strengths, infrared) in enumerate(lists[name]())
+        Item(name, number, tuple(strengths.items()), infrared) for number, (strengths, infrared) in enumerate(cases)
     ]
 
 
-def _single():
-    return [({effect: strength}, True) for strength in range(len(STRENGTHS)) for effect in SINGLE]
+def _each(effects, strengths=(MEDIUM, STRONG)):
+    return [({effect: strength}, True) for strength in strengths for effect in effects]
 
 
 def _pairs():
     return [(dict.fromkeys(pair, STRONG if i % 2 else MEDIUM), True) for i, pair in enumerate(catalogue.pairs(PAIRS))]
-
-
-def _outside():
-    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in OUTSIDE]
-
-
-def _wider():
-    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in WIDER]
-
-
-def _filters():
-    return [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in FILTERS]
 
 
 def _mitsuba():
@@ -112,14 +99,9 @@ def _mitsuba():
     return cases + [({}, True)] * MITSUBA_NONE
 
 
-def _none():
-    return [({}, True)] * NONES
-
-
 def _depth():
     """Returns cases with depth engine faults beside good images, and cases whose captures hold depth alone."""
-    engine = [({effect: strength}, True) for strength in (MEDIUM, STRONG) for effect in DEPTH_ENGINE]
-    return engine + [({effect: STRONG}, False) for effect in list(SINGLE)[:DEPTH_ONLY]]
+    return _each(DEPTH_ENGINE) + [({effect: STRONG}, False) for effect in list(SINGLE)[:DEPTH_ONLY]]
 
 
 def _small(name, what):
