@@ -66,26 +66,17 @@ def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
     return (*counts, disparity)
 
 
-def rendered_table_top(folder):
+def rendered_table_top():
     """(left, right, disparity): the example scene as a D435 sees it, with its imager's noise; truth from the renderer,
     at pixel centres."""
-    import kuafu
-    from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
-    from activestereo.common.pose import body_pose
-    from activestereo.scene_io.example_scene import write_table_top
+    from activestereo import Pose, StereoDepthSensorConfig
+    from bench_camera import before_table_top
 
     config = StereoDepthSensorConfig("sapien-D435")
     config.rgb_resolution, config.rgb_intrinsic = config.ir_resolution, config.ir_intrinsic
     config.trans_pose_l, config.trans_pose_r = Pose(), Pose([0, -0.05, 0])
     config.ir_signal, config.samples_per_pixel = "d435", 32
-    path = folder / "table_top.gltf"
-    write_table_top(path)
-    scene = kuafu.Scene(kuafu.Device())
-    scene.load(path)
-    scene.set_environment((0.25, 0.25, 0.25))
-    sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
-    sensor.take_picture()
-    sensor.compute_depth()
+    sensor = before_table_top(config, 0.25, infrared_only=False)
     true = sensor.get_true_depth().astype(float)
     disparity = np.where(true > 0, config.focal_baseline_px_m / np.where(true > 0, true, 1), np.nan)
     return (*sensor.get_ir_measured(), disparity)
@@ -230,10 +221,7 @@ def main():
     print()
     pixel_locking(*dots, args.out)
     if not args.no_render:
-        import tempfile
-
-        with tempfile.TemporaryDirectory() as folder:
-            pair = rendered_table_top(Path(folder))
+        pair = rendered_table_top()
         print("\nTable top, rendered, D435 with its imager's noise, 848x480")
         draw_errors(args.out / "accuracy_rendered.png", pair[0], table_of(*pair), pair[2])
     print("\nReal D435 pair")

@@ -81,16 +81,18 @@ def wall(distance_m: float, texture: float, radiance: float = ROOM_RADIANCE_OF_W
     return scene
 
 
-def before_table_top(config: StereoDepthSensorConfig) -> StereoDepthSensor:
-    """A sensor that has pictured and measured the example's table-top, as 'activestereo simulate' has it."""
+def before_table_top(
+    config: StereoDepthSensorConfig, radiance: float = ROOM_RADIANCE, infrared_only: bool = True
+) -> StereoDepthSensor:
+    """A sensor that has pictured and measured the example's table-top, by default as 'activestereo simulate' has it."""
     scene = kuafu.Scene(kuafu.Device())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table_top.gltf"
         write_table_top(path)
         scene.load(path)
-    scene.set_environment((ROOM_RADIANCE, ROOM_RADIANCE, ROOM_RADIANCE))
+    scene.set_environment((radiance,) * 3)
     sensor = StereoDepthSensor(config, scene, pose=body_pose(scene.camera(0).camera_to_world))
-    sensor.take_picture(infrared_only=True)
+    sensor.take_picture(infrared_only=infrared_only)
     sensor.compute_depth()
     return sensor
 
