@@ -78,7 +78,7 @@ def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
     arriving = 0.7
     sky = 30.0 * (wide.surfaces.material != 1)  # in its pixels alone, whole or beside the wall
     light = (arriving * wide.albedo + sky).astype(np.float32)
-    seen = base_layers.bounced_light(light[None], wide, fine, 300.0)[0]
+    seen = base_layers.Spread.of(wide, fine, 300.0)(light[None])[0]
     on_wall = fine.surfaces.material == 1
     assert 0.4 < on_wall.mean() < 0.9
     np.testing.assert_allclose(seen[on_wall], (arriving * fine.albedo)[on_wall], rtol=0.01)

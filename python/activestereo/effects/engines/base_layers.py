@@ -30,22 +30,23 @@ from activestereo.effects.engines.layers import RenderRequest, request_key
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
-# A pixel of bounced light is WIDE pixels wide; a pixel of a small image has SQUARES squares along each side. Dots and
-# smoothing have fixed angular sizes, so images of more than LARGE_PIXELS need neither more squares nor more samples.
+# A pixel of bounced light is WIDE pixels wide, and a pixel has SQUARES squares along each side. Dots and smoothing have
+# fixed angular sizes, so in images of more than LARGE_PIXELS bounced light is twice as wide, and a pixel is one square.
 WIDE, SQUARES, LARGE_PIXELS = 2, 2, 2 * 848 * 480
 FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
 # Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light, which effects use separately, gets SKY_SHARE
 # of those.
 BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
-# Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel.
-SHARED_PIXELS, MOST_TIMES = 424 * 240, 4.0
+# Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel. Larger
+# ones get no more in all than an image of MOST_PIXELS.
+SHARED_PIXELS, MOST_TIMES, MOST_PIXELS = 424 * 240, 4.0, 884 * 516
 # Least weight of a neighbour: a pixel without a neighbour on the same surface averages all neighbours.
 _LEAST_ALIKE = 1e-4
 # Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
 _MIXED = 2
 # Increase this number whenever the computed light changes.
-MATT_VERSION = 5
+MATT_VERSION = 6
 
 
 class MattSurfaces(NamedTuple):
@@ -96,30 +97,41 @@ def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
     return means_of_squares(np.pad(image, ((0, rows), (0, columns)), mode="edge"), squares, np.float32)
 
 
-def bounced_light(
-    light: NDArray[np.float32], wide: MattSurfaces, fine: MattSurfaces, focal_px: float
-) -> NDArray[np.float32]:
-    """Smooths images of bounced light [n][height][width] in wide pixels and interpolates them to the fine pixels along
-    surfaces. focal_px: focal length in wide pixels."""
-    hit, shape = wide.albedo > 0, fine.albedo.shape
-    per_albedo = np.where(hit, light / np.where(hit, wide.albedo, 1.0), light)
-    smooth = smooth_bounced(per_albedo, wide.surfaces, focal_px)
-    total, weights = np.zeros((len(light), *shape), np.float32), np.zeros(shape, np.float32)
-    sides = []  # for each axis: (index, linear weight) of the wide pixels before and after each fine one
-    for count, most in zip(shape, wide.albedo.shape, strict=True):
-        place = (np.arange(count) + 0.5) / WIDE - 0.5
-        before = np.floor(place).astype(int)
-        low, high = (np.clip(before + k, 0, most - 1) for k in (0, 1))
-        sides.append(((low, 1.0 - (place - before)), (high, place - before)))
-    for (rows, of_rows), (columns, of_columns) in product(*sides):
-        at = np.ix_(rows, columns)
-        weight = np.outer(of_rows, of_columns).astype(np.float32)
-        there = wide.surfaces.at(at)
-        weight *= _LEAST_ALIKE + alike(fine.surfaces, there)
-        weight *= np.where(there.material == _MIXED, _LEAST_ALIKE**2, 1.0)
-        total += weight * smooth[:, at[0], at[1]]
-        weights += weight
-    return total / weights * np.where(fine.albedo > 0, fine.albedo, 1.0)
+class Spread(NamedTuple):
+    """Smooths images of bounced light in wide pixels and interpolates them to fine pixels, along surfaces.
+
+    focal_px: focal length in wide pixels. weights: for each of the four wide pixels around a fine one, (its index, its
+    share of the fine pixel's light [height][width])."""
+
+    wide: MattSurfaces
+    focal_px: float
+    weights: list[tuple[tuple[NDArray, ...], NDArray[np.float32]]]
+
+    @classmethod
+    def of(cls, wide: MattSurfaces, fine: MattSurfaces, focal_px: float) -> Spread:
+        times = round(fine.albedo.shape[0] / wide.albedo.shape[0])  # wide images end after the last fine pixel
+        sides = []  # for each axis: (index, linear weight) of the wide pixels before and after each fine one
+        for count, most in zip(fine.albedo.shape, wide.albedo.shape, strict=True):
+            place = (np.arange(count) + 0.5) / times - 0.5
+            before = np.floor(place).astype(int)
+            low, high = (np.clip(before + k, 0, most - 1) for k in (0, 1))
+            sides.append(((low, 1.0 - (place - before)), (high, place - before)))
+        weights = []
+        for (rows, of_rows), (columns, of_columns) in product(*sides):
+            at = np.ix_(rows, columns)
+            weight = np.outer(of_rows, of_columns).astype(np.float32)
+            there = wide.surfaces.at(at)
+            weight *= _LEAST_ALIKE + alike(fine.surfaces, there)
+            weight *= np.where(there.material == _MIXED, _LEAST_ALIKE**2, 1.0)
+            weights.append((at, weight))
+        scale = np.where(fine.albedo > 0, fine.albedo, 1.0) / sum(weight for _, weight in weights)
+        return cls(wide, focal_px, [(at, (weight * scale).astype(np.float32)) for at, weight in weights])
+
+    def __call__(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Spreads images [n][height][width] in wide pixels."""
+        albedo = np.where(self.wide.albedo > 0, self.wide.albedo, 1.0)
+        smooth = smooth_bounced(light / albedo, self.wide.surfaces, self.focal_px)
+        return np.sum([smooth[:, at[0], at[1]] * weight for at, weight in self.weights], axis=0, dtype=np.float32)
 
 
 # Light without the pattern varies only at edges, so it needs fewer samples.
@@ -127,12 +139,12 @@ FLAT_SHARE = 0.5
 
 
 class FirstSurfaces(NamedTuple):
-    """Caches what a matt world's cameras see before any bounce. light: for each camera, (the projector's light after
-    one reflection, the same under a pattern that is 1 everywhere). albedo: of the squares, [camera][height][width][1].
+    """Caches the parts of a matt world's images without noise. light: for each camera, (the projector's light after one
+    reflection, the same under a pattern that is 1 everywhere). spreads: each camera's interpolation of bounced light.
     seen: images of these surfaces, by the names in SURFACE."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
-    albedo: NDArray[np.float32]
+    spreads: list[Spread]
     seen: dict[str, NDArray]
 
 
@@ -163,28 +175,22 @@ def matt_layers(
     """Renders the layers of a matt world by geometry and a few samples. kept: a cache of the latest request's first
     surfaces. Its key leaves out the seed, because they have no noise."""
     images, spp, seed = world.images, request.samples_per_pixel, request.seed
-    wide = [_resized(camera, 1.0 / WIDE) for camera in request.cameras]
-    # Small images get a larger share of samples for bounced light, and large ones a smaller share.
     pixels = _pixels(request)
-    bounces = WIDE**2 * BOUNCED_SHARE * min(1.0, LARGE_PIXELS / pixels)
-    bounces *= float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
+    times = WIDE if pixels <= LARGE_PIXELS else 2 * WIDE
+    wide = [_resized(camera, 1.0 / times) for camera in request.cameras]
+    bounces = times**2 * BOUNCED_SHARE * float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
+    bounces *= min(1.0, MOST_PIXELS / pixels)
     few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
     room = world.room_light(request.cameras, spp, seed=seed) if world.has_room_light else None
     even = LIGHT[2:] if room is None else ()
     with world.lit([(copy_record(request.projector), request.pattern)]):
-        surfaces = SURFACE + LIGHT[1:2] + even
-        bounced = images(wide, surfaces, few, request.max_bounces, progress, seed=seed)
+        bounced = images(wide, LIGHT[1:2] + even, few, request.max_bounces, progress, seed=seed)
         sky = images(wide, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
-        first = _first_surfaces(world, request, kept)
+        first = _first_surfaces(world, request, wide, kept)
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
-        albedo = first.albedo[i, ..., 0]
-        own = surfaces_of(first.seen, i, request.cameras[i], albedo)
-        spread = bounced_light(
-            np.stack([image[i, ..., 0] for image in light]), surfaces_of(bounced, i, wide[i], albedo), own,
-            wide[i].k[0, 0],
-        )  # fmt: skip
+        spread = first.spreads[i](np.stack([image[i, ..., 0] for image in light]))
         if room is None:
             indirect, ambient, direct_sky = spread
         else:
@@ -197,14 +203,17 @@ def matt_layers(
         return tuple(pool.map(layers, range(len(request.cameras))))
 
 
-def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, FirstSurfaces]) -> FirstSurfaces:
+def _first_surfaces(
+    world: LoadedScene, request: RenderRequest, wide: list[kuafu.Camera], kept: dict[str, FirstSurfaces]
+) -> FirstSurfaces:
     """Returns the first surfaces of a request, from memory or rendered. The world must be lit by the request's
-    projector."""
+    projector. wide: the cameras of bounced light."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in kept:
+        kept.clear()  # both halves of a pose are rendered one after the other
         squares = SQUARES if _pixels(request) <= LARGE_PIXELS else 1
         finer = [_resized(camera, squares) for camera in request.cameras]
-        seen = world.images(request.cameras, SURFACE, 1, 0)
+        seen, far = world.images(request.cameras, SURFACE, 1, 0), world.images(wide, SURFACE, 1, 0)
         first = world.images(finer, FIRST, 1, 0)
         pattern = np.asarray(request.pattern, np.float32)
 
@@ -217,10 +226,14 @@ def _first_surfaces(world: LoadedScene, request: RenderRequest, kept: dict[str, 
             direct[lit] = flat[lit] * map_coordinates(pattern, [v, u], np.float32, order=1, mode="grid-constant")
             return _means(direct, squares), _means(flat, squares)
 
-        kept.clear()  # both halves of a pose are rendered one after the other
+        def spread(i: int) -> Spread:
+            albedo = first["albedo"][i, ..., 0]
+            at, to = surfaces_of(far, i, wide[i], albedo), surfaces_of(seen, i, request.cameras[i], albedo)
+            return Spread.of(at, to, wide[i].k[0, 0])
+
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            light = pool.map(reflected, range(len(finer)))
-            kept[key] = FirstSurfaces(list(light), first["albedo"].copy(), seen)
+            light, spreads = pool.map(reflected, range(len(finer))), pool.map(spread, range(len(finer)))
+            kept[key] = FirstSurfaces(list(light), list(spreads), seen)
     return kept[key]
 
 

@@ -173,7 +173,7 @@ class LoadedScene:
             bounced = tuple(name for name in outputs if name in LIGHT[1:])
             few = max(1, round(BOUNCED_SHARE * samples_per_pixel))
             first = tuple(name for name in outputs if name not in bounced)
-            passes = [(first, 0, samples_per_pixel), (bounced, max_bounces, few)]
+            passes = [p for p in ((first, 0, samples_per_pixel), (bounced, max_bounces, few)) if p[0]]
         for done, (names, bounces, samples) in enumerate(passes):
             share = part_of(progress, done / len(passes), (done + 1) / len(passes))
             images |= self._renderer.render(
