@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, shift
 from activestereo.capture.capture import Frame
 from activestereo.compare.effect_trials import trial_capture
 from activestereo.effects import Model, Parameter, Stage, View, builtin, effect
@@ -293,6 +294,19 @@ def test_nothing_is_searched_in_the_noise_of_smooth_light_that_the_model_lacks(i
         return replace(image, residual=lamp + speckle * (before + lamp), expected=before, weight=(0.1 * before) ** -2)
 
     assert room_unit_starts([under_lamp(image) for image, _ in images]) == [{}]
+
+
+def test_nothing_is_searched_in_detail_that_follows_the_models_own_dots(images, monkeypatch):
+    """Blurred, moved and too bright dots of the rig are no unit's."""
+    monkeypatch.setattr(room_unit, "_likely_places", None)  # may not be asked
+
+    def misplaced(image, noise):
+        dots = image.residual - noise
+        wrong = 1.2 * shift(gaussian_filter(dots, 0.6), (0.0, 0.3), order=1, mode="nearest") - dots
+        assert np.mean(image.weight * wrong**2) > 0.1  # its detail is well above the noise
+        return replace(image, residual=wrong + noise, expected=image.expected + dots)
+
+    assert room_unit_starts([misplaced(*image) for image in images]) == [{}]
 
 
 def test_axes_and_angles_are_those_of_a_pose_that_looks_along_the_beam():

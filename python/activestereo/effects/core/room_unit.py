@@ -259,8 +259,10 @@ _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
 _ROUGH_TRIALS, _TRIALS = 40, 90
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
 # unit shows and nothing is searched. Noise grows with light that the model lacks, which is as smooth as the second
-# scale. Speckle is at most this share of light.
+# scale. Speckle is at most this share of light. Detail that follows the model's own is fitted in blocks of _BLOCK_PX.
+# Blocks with less own detail than _LEAST_DETAIL, in noise variances, fit nothing.
 _FINE_PX, _SMOOTH_PX, _LEAST_CHI2, _MOST_SPECKLE = 4.0, 8.0, 1.08, 0.25
+_BLOCK_PX, _LEAST_DETAIL = 32, 1e-3
 # The least correlation of a place's light with the dots' size; below it nothing is searched. It is 0.33 to 0.49 where a
 # unit shines, and 0.07 to 0.16 where the dots' size is random.
 _LEAST_LIKENESS = 0.2
@@ -300,14 +302,25 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
 def _fine_chi2(image: StartImage) -> float:
     """Returns the mean square of the residual's fine part in units of its noise, about 1 where it is noise alone.
 
-    Light that the model lacks, such as a lamp's, has noise of its own. No noise grows faster than the square of
-    light."""
-    fine = image.residual - gaussian_filter(image.residual, _FINE_PX)
-    before = np.maximum(image.expected, 0.0)
-    after = before + np.maximum(gaussian_filter(image.residual, _SMOOTH_PX), 0.0)
+    A wrong gain, place or blur of the model's own dots leaves detail, too. In each block, the multiples of own detail,
+    of its slopes and of its blurs that fit best are subtracted first. Light that the model lacks, such as a lamp's, has
+    noise of its own. No noise grows faster than the square of light."""
+    own, residual = image.expected, image.residual
+    before = np.maximum(own, 0.0)
+    after = before + np.maximum(gaussian_filter(residual, _SMOOTH_PX), 0.0)
     speckle = np.minimum(1.0 / np.maximum(image.weight * before**2, 1e-12), _MOST_SPECKLE**2)
-    weight = image.weight / (1.0 + image.weight * speckle * (after**2 - before**2))
-    return float(np.mean(weight * fine**2))
+    root = np.sqrt(image.weight / (1.0 + image.weight * speckle * (after**2 - before**2)))
+    sizes = 1.0, 2.0, _FINE_PX
+    blurs = -np.diff([own, *(gaussian_filter(own, size) for size in sizes)], axis=0)
+    images = root * np.stack([*blurs, *np.gradient(own), residual - gaussian_filter(residual, _FINE_PX)])
+    size, count = min(_BLOCK_PX, *own.shape), len(images)
+    rows, columns = (n // size for n in own.shape)
+    blocks = images[:, : rows * size, : columns * size].reshape(count, rows, size, columns, size).swapaxes(2, 3)
+    *shapes, fine = blocks.reshape(count, rows * columns, size**2)
+    A = np.stack(shapes, axis=-1)
+    gram = A.transpose(0, 2, 1) @ A + _LEAST_DETAIL * np.eye(count - 1)
+    fine -= (A @ np.linalg.solve(gram, A.transpose(0, 2, 1) @ fine[..., None]))[..., 0]
+    return float(np.mean(fine**2)) * size**2 / (size**2 - count + 1)
 
 
 def _likely_places(seen: SeenPoints) -> np.ndarray:
