@@ -32,7 +32,7 @@ from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
-from activestereo.diagnose.first_words import first_words, richest_view
+from activestereo.diagnose.first_words import first_words, richest_view, with_small_images
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
 from activestereo.diagnose.gather import gather
@@ -227,10 +227,10 @@ def diagnose(
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
 
     def look(tell: Callable[[str], object]) -> None:  # a function, so that the view's memory is freed at its end
-        view = richest_view(capture)
+        view = richest_view(with_small_images(capture))
         near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
         with suppress(ValueError):  # all of one view may be dark or clipped
-            seen = gather(view, render(view, progress=near), seed)
+            seen = gather(view, render(view, progress=near, is_draft=view.binning > capture.binning), seed)
             tell(first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept))
 
     if says is not None:

@@ -194,20 +194,21 @@ def weight_of(
 
 
 def one_of_each_situation(
-    observations: Sequence[Observation], seed: int = 0, share: float = _PICKED_SHARE
+    observations: Sequence[Observation], seed: int = 0, share: float = _PICKED_SHARE, most_pixels: float = np.inf
 ) -> tuple[Observation, ...]:
     """Returns one right image of each situation (pose and settings), and one left image. In each, only a random share
     of the pixels counts. Every camera effect acts on the right camera; the left image shows differences between the
-    cameras."""
-    seen: set[tuple] = set()
+    cameras. Right images of equal settings have at most most_pixels in all; one image is always there."""
+    poses_of: dict[tuple, set[bytes]] = {}
     left = _left_image(observations)
     chosen: list[Observation] = []
     for o in observations:
         f = o.frame
-        light = f.exposure_gain, f.projector_power, f.ambient
-        setting = f.camera_to_world.tobytes(), *light, f.temperature_c, f.is_moving
-        if o is left or (o.side == "right" and setting not in seen):
-            seen |= {setting} if o.side == "right" else set()
+        setting = f.exposure_gain, f.projector_power, f.ambient, f.temperature_c, f.is_moving
+        pose, poses = f.camera_to_world.tobytes(), poses_of.setdefault(setting, set())
+        is_room = not poses or (len(poses) + 1) * o.measured.size <= most_pixels
+        if o is left or (o.side == "right" and pose not in poses and is_room):
+            poses |= {pose} if o.side == "right" else set()
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
             picked = np.sort(rng.permutation(o.pixels)[: int(share * o.pixels)])
             chosen.append(replace(o, pick=picked if o.pick is None else o.pick[picked]))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from activestereo.capture.capture import Capture, Frame
+from activestereo.capture.capture import Capture, Frame, binned
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.kept import FitCache
@@ -16,6 +16,7 @@ from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model
 
 _NAMES = 3  # most effects that the clause names
+_MOST_PIXELS = 480 * 270  # of an image that the first guess is made from
 
 
 def richest_view(capture: Capture) -> Capture:
@@ -29,6 +30,13 @@ def richest_view(capture: Capture) -> Capture:
 
     richest = max(views.values(), key=settings) if views else []
     return replace(capture, frames=tuple(richest))
+
+
+def with_small_images(capture: Capture) -> Capture:
+    """Returns the capture with images averaged over blocks, so that they have few enough pixels for a first guess."""
+    whole = capture.whole or capture
+    size = int(np.ceil(np.sqrt(np.prod(whole.rig.left.size) / _MOST_PIXELS)))
+    return capture if size <= capture.binning else binned(whole, size)
 
 
 def first_words(

@@ -34,6 +34,8 @@ from activestereo.effects.core.descriptor import Channel
 # gains _VAIN times its score. A fit gains at most _LINE_SHORT times its score. If that exceeds _CLEAR times the needed
 # gain, random fields need no check.
 _FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR = 4, 0.25, 0.1, 3.0, 10.0
+# Scores see images of so many pixels of each setting: 16 poses of small images, 4 of 848 x 480.
+_SCORED_PIXELS = 16 * 424 * 240
 # look() scores all shapes of the effects whose first shape gains more than this share of the best gain.
 _LEADS = 0.1
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
@@ -156,7 +158,7 @@ class Search:
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
         self._pixels = self._fitter.pixels_used()
-        few = one_of_each_situation(self._fitter.observations, share=1.0)
+        few = one_of_each_situation(self._fitter.observations, share=1.0, most_pixels=_SCORED_PIXELS)
         self._scored = Fitter(few, *sized, memory=self._settings.memory)
 
     def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:

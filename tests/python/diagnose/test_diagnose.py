@@ -12,13 +12,13 @@ import pytest
 
 import activestereo.lab
 import activestereo.report
-from activestereo.capture.capture import read_capture
+from activestereo.capture.capture import binned, read_capture
 from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
 from activestereo.compare.model_file import library, read_model, write_model
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.first_words import richest_view
+from activestereo.diagnose.first_words import richest_view, with_small_images
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.residual_model import effect_stub
@@ -92,6 +92,16 @@ def test_a_hidden_lens_shading_is_named_alone_its_exponent_found_and_most_of_the
     before, after, floor = (result[name] for name in names)
     assert (before - after) / (before - floor) > 0.6  # the rest is the analytic renderer's own noise
     assert first["explained_share"] == pytest.approx((before**2 - after**2) / (before**2 - floor**2), abs=0.1)
+
+
+def test_first_words_are_made_from_small_images(lab_world):
+    def sized(width, height):
+        capture = read_capture(lab_world.capture_path)
+        cameras = {side: replace(capture.rig.camera(side), width=width, height=height) for side in ("left", "right")}
+        return replace(capture, rig=replace(capture.rig, **cameras))
+
+    assert [with_small_images(sized(*size)).binning for size in ((424, 240), (848, 480), (1280, 720))] == [1, 2, 3]
+    assert [with_small_images(binned(sized(900, 600), size)).binning for size in (2, 4)] == [3, 4]
 
 
 def test_a_view_without_light_says_nothing_first(lab_world, lab_cache, tmp_path):

@@ -368,6 +368,21 @@ def test_one_image_of_each_situation_sees_two_instants_of_repeats():
     assert {(o.frame.id, o.side) for o in one_of_each_situation(single)} == {(0, "right"), (0, "left")}
 
 
+def test_few_poses_of_large_images_are_looked_at_but_every_setting():
+    def frame(number, power):
+        light = dict(exposure_gain=1.0, projector_power=power, ambient=None, temperature_c=None)
+        return SimpleNamespace(
+            id=number, repeat_group=None, is_moving=False, camera_to_world=np.eye(4) + number // 2, **light
+        )
+
+    frames = [frame(k, k % 2) for k in range(8)]  # four poses, the projector off and on at each
+    images = [Image(f, side, np.zeros((8, 8))) for f in frames for side in ("left", "right")]
+    chosen = [(o.frame.id, o.side) for o in one_of_each_situation(images, most_pixels=150)]
+    assert chosen == [(0, "left"), (0, "right"), (1, "right"), (2, "right"), (3, "right")]
+    assert len(one_of_each_situation(images, most_pixels=1)) == 3  # one of each setting, and the left image
+    assert len(one_of_each_situation(images)) == 9
+
+
 def test_first_words_come_from_the_view_with_the_most_settings():
     """The first one leads equal ones. A moving view is another one than the same pose at rest."""
     near, far = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
