@@ -63,7 +63,8 @@ class Lab:
         return self.model
 
     def report(self, folder: str | Path) -> tuple[Path, Path]:
-        """Writes compare.json, report.html, model.json and, after diagnose(), diagnose.json. Returns their paths."""
+        """Writes compare.json, report.html and model.json into a folder, and diagnose.json after diagnose(). Returns
+        write_report()'s paths."""
         from activestereo.report.write import write_diagnosis, write_report  # matplotlib takes its time to load
 
         comparison = self.comparison or self.compare()

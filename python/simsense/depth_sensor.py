@@ -21,7 +21,8 @@ _NAMES = {
 
 
 class SettingError(ValueError, TypeError):
-    """A setting is out of range: a ValueError by meaning, and a TypeError because SimSense raises that."""
+    """A setting is out of its range. It is a ValueError by its meaning, and a TypeError because SimSense raises
+    that."""
 
 
 @contextmanager

@@ -59,7 +59,8 @@ def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
     progress: Progress | None = None,
 ) -> Views:  # fmt: skip
-    """Simulates the sensor in `count` random rooms. model: its effects act, except those on named surfaces."""
+    """Simulates the sensor in `count` random rooms and returns their Views. model: its effects act, except those on
+    named surfaces, because these rooms lack such surfaces."""
     config = config.seen_from_left()
     config.rgb_distortion = (0.0,) * 5  # depth is registered to a pinhole
     if config.ir_exposure_mode == "converging":
@@ -122,15 +123,17 @@ def _furnish(scene: kuafu.Scene, random: np.random.Generator) -> NDArray[np.floa
 
 
 class Distance(NamedTuple):
-    """The difference of two depth images' errors. error_px: 1-Wasserstein distance between their disparity errors,
-    clipped to 2 px. holes: difference of their shares of pixels without depth."""
+    """Measures how much the errors of two depth images differ. error_px: 1-Wasserstein distance between the
+    distributions of their disparity errors over measured pixels, each error clipped to 2 px. holes: difference of their
+    shares of pixels without depth."""
 
     error_px: float
     holes: float
 
 
 def distance(views: Views, depth_m: Depths) -> Distance:
-    """Returns the rooms' mean Distance of depth_m, [rooms, height, width] metres, 0 = none, from the views' depth."""
+    """Returns the Distance between depth_m and the views' measured depth, as a mean over the rooms. depth_m: [rooms,
+    height, width] metres, 0 = none."""
     rooms = []
     for truth, found, depth in zip(views.truth_m, views.found_m, depth_m, strict=True):
         is_there = (truth >= views.near_m) & (truth <= views.far_m)
@@ -145,8 +148,9 @@ def distance(views: Views, depth_m: Depths) -> Distance:
 
 
 def fitted(kind: type[Profile], views: Views) -> Profile:
-    """Fits a noise model's parameters to the sensor's views. The fit minimises distance()'s error_px plus holes, so
-    that a pixel without depth weighs as much as an error of 1 px. Range and geometry are the views'."""
+    """Fits a noise model's parameters to the sensor's views and returns the model. The fit minimises distance()'s
+    error_px plus holes, so that a pixel without depth weighs as much as an error of 1 px. Range and geometry are the
+    views'."""
     is_kept = np.arange(views.truth_m.shape[1]) % _PERIOD < _BAND
     rows = replace(views, **{name: getattr(views, name)[:, is_kept] for name in ("truth_m", "found_m", "gray")})
     low, high, first = np.transpose(list(kind.FITTED.values()))

@@ -219,8 +219,9 @@ def planar_patches(truth: Map, focal_baseline_px_m: float) -> list[Patch]:
 def fitted_plane(
     disparity: Map, y: int = 0, x: int = 0, least_known: float = _LEAST_KNOWN
 ) -> tuple[NDArray[np.float64], float]:
-    """Fits a plane to disparities; returns (coefficients for (x, y, 1), RMS distance) without pixels over 1 px off. The
-    RMS is inf if less than least_known of the pixels have a disparity, or most are off. y, x: the first pixel's."""
+    """Fits a plane to disparities; returns (coefficients for (x, y, 1), RMS distance from it) without pixels more than
+    1 px off. The RMS is inf if less than least_known of the pixels have a disparity, or most are off. y, x: the first
+    pixel's coordinates."""
     rows, columns = np.nonzero(np.isfinite(disparity))
     values = disparity[rows, columns].astype(np.float64)
     if len(values) < least_known * disparity.size:
@@ -336,7 +337,8 @@ def depth_measures(view: RealView, depth_m: Map, again_m: Map | None, patches: l
 
 
 def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch], black_dn: float) -> dict[str, float]:
-    """Returns medians of statistics() over untextured patches, by distance, and the left image's 0.1 % quantile, DN."""
+    """Returns medians of statistics() over the untextured patches, by distance, and the black level: the 0.1 % quantile
+    of the left image, DN."""
     out = {BLACK: float(np.percentile(left, 0.1))}
     found = [(patch.depth_m, statistics(left, right, patch, black_dn)) for patch in patches]
     for (low, high), name in zip(_DISTANCES, DISTANCE_NAMES, strict=True):
@@ -348,7 +350,8 @@ def infrared_measures(view: RealView, left: Map, right: Map, patches: list[Patch
 
 def _edges(truth: Map, found: Map) -> tuple[float, float]:
     """Measures depth at left and right edges of objects. Returns (mean run of the foreground's depth beyond the edge in
-    pixels, percentage of measured pixels near edges between both surfaces). truth, found: disparities in pixels."""
+    pixels, percentage of measured pixels near edges that lie between both surfaces). truth, found: disparities in
+    pixels."""
     runs, between, near = [], 0, 0
     for turn in (1, -1):
         t, d = truth[:, ::turn], found[:, ::turn]
@@ -371,7 +374,8 @@ def _edges(truth: Map, found: Map) -> tuple[float, float]:
 
 
 def _correlation_px(residual: Map) -> float:
-    """Returns the lag, pixels along rows or columns, at which a residual's autocorrelation falls to 1/e, or 12."""
+    """Returns the lag, in pixels, at which the autocorrelation of a disparity residual falls to 1/e; 12 if it does not.
+    Lags along rows and along columns count alike."""
     values = np.where(np.abs(residual) < 1.0, residual, np.nan)
     values = values - np.nanmean(values)
     variance = np.nanmean(values**2)

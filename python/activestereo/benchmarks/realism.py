@@ -118,7 +118,8 @@ def _interval(of_views: NDArray[np.float64], chosen: NDArray[np.int64]) -> Figur
 
 
 def verdicts(found: Board) -> list[str]:
-    """Returns sentences on the method closest to the device in holes and in noise, and its overlap with the next."""
+    """Returns sentences that name the method closest to the device in holes and in noise. They say whether its interval
+    and the runner-up's overlap."""
     if len(found.views) < 2:
         return ["one view has no interval: who is closest is told from two on"]
     lines = []

@@ -80,7 +80,8 @@ def agreement(
     known: tuple[Sequence[float], Sequence[float]] = ((), ()),
 ) -> Agreement:  # fmt: skip
     """Computes the Agreement of two worlds from the methods' successes [methods, views]. known: (simulated, real)
-    scores of methods without views. Raises ValueError if the two differ in methods or views."""
+    scores of further methods, which have no views to resample. Raises ValueError if the two differ in methods or
+    views."""
     if simulated.shape != real.shape or simulated.ndim != 2:
         raise ValueError(f"successes of both worlds are [methods, views], not {simulated.shape} and {real.shape}")
     views = simulated.shape[1]
@@ -105,7 +106,8 @@ Scores = dict[str, dict[str, dict[str, NDArray[np.float64]]]]  # criterion, meth
 
 
 def read_scores(paths: Sequence[Path]) -> Scores:
-    """Reads the scores of CSV tables, {criterion: {method: {world: [views]}}}. Raises ValueError with line or part."""
+    """Reads the scores of CSV tables, {criterion: {method: {world: [views]}}}. Raises ValueError with the line or the
+    missing part."""
     values: dict[tuple[str, str], dict[str, dict[str, float]]] = {}
     for path in paths:
         for line, (criterion, method, world, view, value) in _rows(path):
@@ -179,8 +181,9 @@ def agreements(scores: Scores, real: str, seed: int = 0) -> dict[str, dict[str, 
 
 
 def closest(found: dict[str, dict[str, Agreement]], real: str) -> tuple[str, str]:
-    """Returns (a sentence, the world whose scores correlate best with the real ones, in the mean over the criteria).
-    The sentence also names worlds whose intervals reach its value. found: of agreements(), one world at least."""
+    """Returns (a sentence, the name of the world whose scores correlate best with the real ones, in the mean over the
+    criteria). found: as agreements() returns it, of one world at least. The sentence also names worlds whose intervals
+    reach the best world's value."""
     worlds = list(next(iter(found.values())))
     figures = {w: [own[w].pearson for own in found.values() if not isnan(own[w].pearson.value)] for w in worlds}
     if not any(figures.values()):

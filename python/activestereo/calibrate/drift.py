@@ -139,7 +139,8 @@ def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
 
 
 def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> list[Frame]:
-    """Returns the frames with a temperature, within the file's range, ordered by time. temperatures: as above."""
+    """Returns the frames that have a temperature, ordered by time. temperatures: as for calibrate_drift(); frames
+    outside the file's range of time are left out."""
     frames = sorted((f for f in capture.frames if f.has_infrared), key=lambda f: f.timestamp_s)
     if temperatures is not None:
         try:

@@ -90,8 +90,9 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
 
 
 def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Reads {frame's name: gripper_to_base} from a CSV file. A line is name,x,y,z,qx,qy,qz,qw (metres), or name and 16
-    numbers, row-major. A first line of words is a heading. Raises ValueError with file and line."""
+    """Reads {frame's name: gripper_to_base} from a CSV file. A line is name,x,y,z,qx,qy,qz,qw (metres, unit
+    quaternion), or name and 16 numbers, row-major. A first line of words is a heading. Raises ValueError with file,
+    line and fault."""
     poses = {}
     for number, row in enumerate(csv.reader(io.StringIO(read_text(path), newline="")), 1):
         cells, place = [cell.strip() for cell in row], f"{path}: line {number}"

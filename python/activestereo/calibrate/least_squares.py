@@ -32,7 +32,8 @@ def difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, f
 
 
 def deviations(solution: OptimizeResult, residuals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Computes the standard deviations of a solution's unknowns from inverse J^T J times the residuals' variance."""
+    """Computes the standard deviations of a solution's unknowns from the inverse of J^T J times the residuals'
+    variance. residuals: at the solution."""
     J = solution.jac.toarray() if hasattr(solution.jac, "toarray") else solution.jac
     variance = float(residuals @ residuals) / max(len(residuals) - len(solution.x), 1)
     return np.asarray(np.sqrt(variance * np.diag(inverse_normal_matrix(J.T @ J))))

@@ -190,7 +190,8 @@ def _picture(
 def _box(
     scene: MaterialScene, camera: Camera, pose: NDArray[np.float64], surfaces: Sequence[int]
 ) -> tuple[int, int, int, int] | None:
-    """Returns (left, top, right, bottom) around the object with a margin; None if fewer than 100 pixels are visible."""
+    """Returns (left, top, right, bottom) around the object with a margin; None if fewer than 100 of its pixels are
+    visible."""
     whole = kuafu.Camera(camera.width, camera.height, camera.K, pose)
     v, u = np.nonzero(np.isin(scene.material_ids(whole), surfaces))
     if len(v) < 100:
@@ -291,7 +292,8 @@ class MaterialFit:
         return Residuals(weights * one, weights * two, weights)
 
     def with_colors(self, theta: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-        """Returns the candidate with the best colours for its other values, under the light around the object."""
+        """Returns the candidate with its colours replaced by those that fit best to its other values. Light intensities
+        come from the pixels around the object."""
         free = np.array([name in COLORS for _, name in self.parameters])
         if not free.any():
             return theta

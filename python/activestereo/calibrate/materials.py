@@ -73,8 +73,9 @@ def calibrate_materials(
     path: Path, object_name: str, seed: int = 0, device: str = "auto", model: SensorModel | None = None,
     tell: Callable[[float], object] = lambda fraction: None,
 ) -> Materials:  # fmt: skip
-    """Measures the materials of an object in the capture at `path`. model: a rig and pattern in place of the capture's.
-    Raises ValueError for no such object, parts without material, surfaces of one name, out of view."""
+    """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
+    capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
+    of view, no infrared image."""
     capture = read_capture(path)
     if model is not None:
         capture = calibrated(capture, model)
@@ -134,7 +135,8 @@ def calibrate_materials(
 def _wide(
     fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Callable[[float], object]
 ) -> list[NDArray[np.float64]]:
-    """Searches the parameters' range by successive halving; returns candidates, best first. nominal: the scene's."""
+    """Searches the whole range of the parameters by successive halving. nominal: the scene's own values, a candidate,
+    too. Returns the last candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
     unit = qmc.Sobol(len(searched), seed=seed).random(_CANDIDATES)
     # Few materials are between metal and not, or half clear.

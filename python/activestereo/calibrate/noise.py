@@ -102,8 +102,9 @@ class NoiseModel:
 @dataclass(frozen=True)
 class _Evidence:
     """The data to fit. histograms: of each pixel's counts, sparse [pixel, bin]. means, variances: of the pixels'
-    counts. dark: of dark frames' pixels, or None. dsnu_dn: deviation of dark pixels' offsets. dark_dn: mean and
-    deviation of dark counts, or the darkest. black_dn: the known black level; None = fitted."""
+    counts. dark: histograms of the dark frames' pixels, or None. dsnu_dn: standard deviation of the dark pixels'
+    offsets. dark_dn: mean and deviation of dark counts, or of the darkest pixels'. black_dn: the known black level;
+    None = fitted."""
 
     histograms: csr_matrix
     means: np.ndarray
@@ -195,7 +196,8 @@ class Noise:
         return value, value * float(np.exp(-half)), value * float(np.exp(half))
 
     def model(self) -> SensorModel:
-        """Makes a SensorModel of imager and black level, for model.json. The offset includes rounding's variance."""
+        """Makes a SensorModel of the imager, with the black level among its nuisances, for model.json. Rounding's
+        variance is part of the offset."""
         source = f"calibrate noise: {self.chosen} noise model, {self.pixels} pixels, {self.repeats} repeats"
         source += "; static speckle does not show in repeats"
         value, low, high = (v**2 + ROUNDING_VARIANCE for v in self.interval("sigma_dn"))
@@ -238,7 +240,8 @@ def calibrate_noise(
 ) -> Noise:  # fmt: skip
     """Measures the Noise. frames: repeats, or the path of a folder, stack, capture or EMVA 1288 descriptor file (.txt),
     which lists dark frames, too. dark: repeats without any light, or their path. seed: of the random choice of pixels.
-    Raises ValueError, with the remedy, for fewer than 10 frames, motion, clipped views, bright dark frames."""
+    Raises ValueError with file, number and remedy for fewer than 10 frames, repeats that move, clipped views, and dark
+    frames that are not dark."""
     tell, darks = progress or (lambda fraction: None), list[Repeats]()
     if isinstance(frames, list):
         views = frames

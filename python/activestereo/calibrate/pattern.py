@@ -146,7 +146,8 @@ def calibrate_pattern(
 
 
 def _check_rig(rig: CaptureRig, source: str) -> None:
-    """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file."""
+    """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file, for the
+    message."""
     if not (rig.left.is_pinhole and rig.right.is_pinhole):
         remedy = "rectify the images; their capture has zeros then, and calibrate rig takes --rectified"
         raise ValueError(f"{source}: rig.left.distortion: dots are matched along rows: {remedy}")
@@ -202,7 +203,8 @@ def _variance_of_mean(counts: np.ndarray) -> np.ndarray:
 
 
 def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
-    """Merges the dots seen on walls, and finds the projector's position. views: nearest wall first."""
+    """Merges the dots seen on walls at one or several distances into one pattern, and finds the projector's position.
+    views: nearest wall first."""
     image = rig.projector.pattern()
     (height, width), rotation = image.shape, rig.projector.left_to_projector[:3, :3]
     right_m = np.asarray(-rig.left_to_right[:3, :3].T @ rig.left_to_right[:3, 3])
@@ -314,7 +316,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
 
 
 def _nearest_to_lines(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (the point nearest to n lines, its standard deviations), without outliers. a, b: [n, 3] on each line."""
+    """Returns (point [3] nearest to n lines by least squares, its standard deviations). a, b: [n, 3], two points of
+    each line. Outliers are dropped twice."""
     along = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     use = np.ones(len(a), dtype=bool)

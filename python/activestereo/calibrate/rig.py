@@ -75,7 +75,8 @@ class Board:
         return cls(kind, columns, rows, *lengths)
 
     def find(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Finds the board's corners in an 8-bit image: (board points [n, 3], metres; pixels [n, 2]); None: too few."""
+        """Finds the board's corners in an 8-bit image. Returns (board points [n, 3] in metres, pixels [n, 2]), or None
+        if fewer than 8 are found."""
         if self.kind != "chessboard":
             found = self._find_markers(image)
             return found if found is not None and len(found[0]) >= _LEAST_CORNERS else None
@@ -130,7 +131,8 @@ class Board:
 
 @dataclass(frozen=True)
 class BoardView:
-    """A board's corners in one frame pair, {side: (board points [n, 3], pixels [n, 2])}. A camera may be absent."""
+    """A board's corners in one frame pair, {side: (board points [n, 3], pixels [n, 2])}. A camera that does not see the
+    board is absent."""
 
     name: str
     corners: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -226,7 +228,8 @@ def calibrate(
     views: list[BoardView], size: tuple[int, int], has_lens: bool = True, known_K: NDArray[np.float64] | None = None,
     bit_depth: int = 8,
 ) -> Calibration:  # fmt: skip
-    """Computes the Calibration from boards' corners. Views above 5 times the median RMS are false detections."""
+    """Computes the Calibration from boards' corners. Views above 5 times the median RMS are false detections: they are
+    dropped, and the rest is fitted again."""
     result, rms = _bundle(views, size, has_lens, known_K, bit_depth)
     limit = _OUTLIER * float(np.median(list(rms.values())))
     good = [view for view in views if rms.get(view.name, 0.0) <= limit]
@@ -297,7 +300,8 @@ def _bundle(
 def _start(
     views: list[BoardView], size: tuple[int, int], has_lens: bool, known_K: NDArray[np.float64] | None
 ) -> tuple[Matrices, Matrices, NDArray[np.float64], Matrices]:
-    """Returns (K, lenses, left_to_right, {view: board's pose in the left camera}) by OpenCV."""
+    """Returns (K, lenses, left_to_right, {view: board's pose in the left camera}) by OpenCV's calibration of each
+    camera."""
     K, lenses, poses = {}, {}, {}
     flags = 0 if has_lens else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     for side in SIDES:

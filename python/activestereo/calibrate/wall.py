@@ -147,7 +147,8 @@ class _Fit:
         return np.rint(v).astype(int).clip(0, height - 1), np.rint(u).astype(int).clip(0, width - 1)
 
     def _patches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Returns (pixel numbers, offsets in u, in v, Gaussian, 0 outside the image), each [spot, pixel of patch]."""
+        """Returns (pixel numbers, offsets in u, offsets in v, the spot's Gaussian), each [spot, pixel of the patch
+        around it]. The Gaussian is 0 outside the image."""
         reach, (height, width) = _reach(self.sigma), self.image.shape
         y, x = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         column, row = np.rint(self.u).astype(int)[:, None] + x, np.rint(self.v).astype(int)[:, None] + y
@@ -319,7 +320,8 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
 
 
 def wall_points(plane: np.ndarray, K: np.ndarray, camera_m: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Intersects rays of pixels u, v with the plane [n, d]. Returns points [n, 3] in the left camera's frame."""
+    """Intersects rays through the pixels u, v of a camera at camera_m with the plane [n, d]. Returns points [n, 3] in
+    the left camera's frame."""
     ray = np.column_stack([*to_tangents(u, v, K), np.ones(len(u))])
     return np.asarray(camera_m + ((plane[3] - plane[:3] @ camera_m) / (ray @ plane[:3]))[:, None] * ray)
 
@@ -341,7 +343,8 @@ class ProjectorView:
     size: tuple[int, int]
 
     def pixels(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Projects the left camera's points: (pattern pixels u, v [n, 2], beams [n, 3] in the projector's axes)."""
+        """Projects points [n, 3] in the left camera's frame. Returns (pattern pixels u, v [n, 2], beams [n, 3] in the
+        projector's axes)."""
         beam = (points - self.position_m) @ self.rotation.T
         u = self.K[0, 0] * beam[:, 0] / beam[:, 2] + self.K[0, 2]
         v = self.K[1, 1] * beam[:, 1] / beam[:, 2] + self.K[1, 2]

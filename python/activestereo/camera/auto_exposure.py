@@ -65,8 +65,9 @@ class AutoExposure:
     def settled_light(
         self, signal: Mapping[str, float], light: NDArray[np.float32], max_dn: float
     ) -> NDArray[np.float32]:
-        """Returns [n]: each image's settled exposure x gain over that of `start`. light: radiance [n, height, width].
-        signal: simsense's imager parameters at the setting `start`. max_dn: the count at which pixels clip."""
+        """Returns [n]: for each image, the exposure x gain at which the control settles, divided by that of `start`.
+        light: radiance [n, height, width]. signal: simsense's imager parameters at the setting `start`. max_dn: the
+        count at which pixels clip."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._metered_counts(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
         black_dn = signal["black_level_dn"]
@@ -124,7 +125,8 @@ def rgb_exposure(radiance: NDArray[np.float32]) -> float:
 
 
 def exposure_of_median(green: np.float32) -> float:
-    """Computes the factor of rgb_exposure() from the image's median green value, the lower of two."""
+    """Computes the factor of rgb_exposure() from the image's median green value. For an even number of pixels this is
+    the lower median."""
     shared = (np.float32(green).view(np.uint32) & np.uint32(0xFFFF0000) | np.uint32(0x8000)).view(np.float32)
     return float(max(np.float32(0.25) / shared, DARKEST))
 

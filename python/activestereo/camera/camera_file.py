@@ -28,7 +28,8 @@ _LONGEST_CHAIN = 8
 
 @dataclass(frozen=True)
 class Field:
-    """Allowed values of a figure: `count` numbers (0: one number, not a list) within low..high, or one of `choices`."""
+    """The allowed values of a camera figure: `count` numbers (0: one number, not a list) within low..high, or one of
+    `choices`."""
 
     doc: str
     unit: str = ""
@@ -96,7 +97,8 @@ def camera_names() -> list[str]:
 
 
 def read_camera(name: str | Path) -> CameraData:
-    """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the fault."""
+    """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the figure
+    and its fault."""
     path = FOLDER / f"{str(name).lower()}.toml"
     if not path.is_file() or "/" in str(name):
         path = Path(name)

@@ -254,7 +254,8 @@ def _matrix_fault(value: Any) -> str | None:
 
 
 def check_matrix(name: str, k: Any, fields: Mapping[str, Any]) -> None:
-    """Checks a 3x3 matrix `k` for the field `name`. Raises ValueError if it does not fit the resolution in `fields`."""
+    """Checks a 3x3 camera matrix `k` for the field `name`. Raises ValueError if it does not fit the camera's resolution
+    in `fields`."""
     camera = name.partition("_")[0]
     if k is not None and name != "pattern_intrinsic":
         width, height = fields[f"{camera}_resolution"]
@@ -327,7 +328,8 @@ def _check_middle(name: str, k: NDArray[np.float64], width: int, height: int, re
 
 
 def checked_twist(linear: ArrayLike, angular: ArrayLike) -> NDArray[np.float64]:
-    """Returns the twist [v, w] (6, m/s and rad/s) of two velocities. Raises ValueError if one is beyond the limits."""
+    """Returns the twist [v, w] (6, m/s and rad/s) of a linear and an angular velocity. Raises ValueError if one is
+    beyond the limits."""
     parts = (("linear velocity in m/s", linear, SPEED), ("angular velocity in rad/s", angular, TURN_RATE))
     for name, part, limits in parts:
         if (fault := _list_fault(np.asarray(part).tolist(), [limits] * 3)) is not None:

@@ -28,7 +28,8 @@ _FAR_M = 1e6
 
 
 class Pattern(NamedTuple):
-    """A projector's pattern. image: uint8 [height, width]. radiant: relative intensity, float32, read-only."""
+    """A projector's pattern. image: uint8 [height, width]. radiant: the image as relative radiant intensity 0..1,
+    float32 and read-only."""
 
     image: NDArray[np.uint8]
     radiant: NDArray[np.float32]
@@ -140,7 +141,8 @@ def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.n
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
-    """Returns all parameters of both infrared imagers at gain 1, ir_signal's or, if that is None, of SAPIEN's noise."""
+    """Returns all parameters of both infrared imagers at gain 1: ir_signal's, or SAPIEN's noise if that is None. The
+    configuration's responsivity and black level are included."""
     signal = config.ir_signal
     if isinstance(signal, str):
         signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so

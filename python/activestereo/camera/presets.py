@@ -49,7 +49,8 @@ def _pose(camera: CameraData, name: str) -> Pose:
 
 
 def _signal(camera: CameraData) -> dict[str, float] | None:
-    """Returns simsense's imager parameters from the camera's file; None without: SAPIEN's noise applies."""
+    """Returns simsense's imager parameters from the noise figures in the camera's file. Returns None if the file has
+    none; SAPIEN's noise then applies."""
     imager = camera.figures["imager"]
     if "conversion_gain_dn_per_e" not in imager:
         return None
@@ -335,7 +336,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         return self.focal_baseline_px_m / float(self.ir_intrinsic[0, 0])
 
     def seen_from_left(self) -> StereoDepthSensorConfig:
-        """Returns a copy with the left infrared camera as RGB camera, so that depth is registered to the left image."""
+        """Returns a copy whose RGB camera has the left infrared camera's pose, resolution and lens, so that depth is
+        registered to the left image."""
         out, to_left = deepcopy(self), self.trans_pose_l.inv()
         out.trans_pose_l = Pose()
         out.trans_pose_r, out.pose_rgb_irproj = to_left * self.trans_pose_r, to_left * self.pose_rgb_irproj
@@ -402,7 +404,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def _resize(
         self, out: StereoDepthSensorConfig, camera: str, size: tuple[int, int], focal: NDArray[np.float64]
     ) -> None:
-        """Gives camera 'rgb' or 'ir' of `out` a resolution. focal: ratios of new to old focal lengths, x and y."""
+        """Sets camera 'rgb' or 'ir' of `out` to another resolution. focal: ratios of new to old focal lengths, x and
+        y."""
         ratio = np.array(size) / np.array(getattr(self, f"{camera}_resolution"))
         setattr(out, f"{camera}_resolution", size)
         for name in [f"{camera}_intrinsic"] + (
@@ -424,7 +427,8 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
 
 def own_config(config: StereoDepthSensorConfig | str | PathLike[str]) -> StereoDepthSensorConfig:
-    """Returns a copy of a configuration, or one for a camera's name or file. Raises TypeError for anything else."""
+    """Returns a copy of a configuration, or a new one for a camera's name or file. Raises TypeError for anything
+    else."""
     if isinstance(config, (str, PathLike)):
         return StereoDepthSensorConfig(str(config))
     if not isinstance(config, StereoDepthSensorConfig):

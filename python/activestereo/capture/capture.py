@@ -40,7 +40,8 @@ class CaptureWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera's nominal intrinsics. K: 3x3, pixels. distortion: five, eight or four numbers, see common/lens.py."""
+    """A camera's nominal intrinsics. K: 3x3, pixels. distortion: five, eight or four coefficients, see
+    activestereo/common/lens.py."""
 
     width: int
     height: int
@@ -207,14 +208,16 @@ class Capture:
         return [frame for frame in self.frames if frame.split == name]
 
     def ir(self, frame: Frame, side: str) -> np.ndarray:
-        """Reads a frame's 'left' or 'right' infrared image, float32 [height, width], DN; perhaps binned."""
+        """Reads a frame's 'left' or 'right' infrared image, float32 [height, width], DN; averaged if the capture is
+        binned."""
         if self.whole is not None:
             return block_means(self.whole.ir(frame, side), self.binning)
         image = read_gray(frame.path(side), self.rig.camera(side).size, f"frames[id={frame.id}].{side}")
         return image.astype(np.float32)
 
     def known(self, frame: Frame, side: str) -> np.ndarray | None:
-        """Reads the mask of an infrared image's known pixels, bool [height, width]; None: all are known."""
+        """Reads the mask of an infrared image's pixels where the scene is known, bool [height, width]; None: all are
+        known."""
         path = {"left": frame.left_mask_path, "right": frame.right_mask_path}[side]
         if path is None:
             return None
@@ -223,7 +226,8 @@ class Capture:
         return known if self.whole is None else block_means(known, self.binning) == 1.0
 
     def depth(self, frame: Frame) -> np.ndarray | None:
-        """Reads the device's depth in metres, float32 [height, width], 0 = no measurement; None without."""
+        """Reads the device's own depth in metres, float32 [height, width], 0 = no measurement; None if the frame has
+        none."""
         if frame.depth_path is None:
             return None
         image = read_gray(frame.depth_path, self.rig.left.size, f"frames[id={frame.id}].depth")
@@ -236,7 +240,8 @@ class Capture:
         return read_color(frame.color_path, self.rig.color.size, f"frames[id={frame.id}].color")
 
     def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
-        """Returns {repeat group: its frames} of groups with two frames or more in the split; None: any."""
+        """Returns {repeat group: its frames} of all groups with at least two frames in the split; None: in any
+        split."""
         groups: dict[int, list[Frame]] = {}
         for frame in self.frames:
             if frame.repeat_group is not None and split in (None, frame.split):
@@ -245,7 +250,8 @@ class Capture:
 
 
 def read_capture(path: str | Path) -> Capture:
-    """Reads a folder's capture.json. Raises CaptureError with file and key; unknown keys give a CaptureWarning."""
+    """Reads and checks the capture.json of a folder. Raises CaptureError with the file and the key; unknown keys give a
+    CaptureWarning."""
     folder = Path(path)
     if folder.name == "capture.json":
         folder = folder.parent
@@ -373,7 +379,8 @@ MOST_PIXELS = 848 * 480
 
 
 def usual_samples(capture: Capture) -> int:
-    """Returns the default samples per pixel: 64 for images of up to MOST_PIXELS. Larger ones get fewer."""
+    """Returns the default samples per pixel: 64 for images of up to MOST_PIXELS. Larger ones get fewer, for the same
+    sum."""
     return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture.rig))))
 
 

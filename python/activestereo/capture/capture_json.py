@@ -35,7 +35,8 @@ class JsonObject:
 
     @classmethod
     def read(cls, path: str | Path, remedy: str = "") -> JsonObject:
-        """Reads a file with a JSON object, else raises CaptureError. remedy: the end of the message for no file."""
+        """Reads a file whose top level is a JSON object. Raises CaptureError otherwise. remedy: the end of the message
+        where the file cannot be read."""
         try:
             return cls(Path(path), "", read_json_object(path))
         except OSError as error:
@@ -168,7 +169,8 @@ class JsonObject:
         return value
 
     def file(self, key: str, optional: bool = False) -> Any:
-        """Returns the path of a file named relative to this file's folder. It must exist there (see own_files)."""
+        """Reads a file name relative to this file's folder and returns its path. The file must exist there (see
+        own_files)."""
         if self._get(key, optional) is None:
             return None
         try:

@@ -141,7 +141,8 @@ def _run(args: argparse.Namespace) -> None:
 
 @contextmanager
 def _no_empty_folder(out: Path | None) -> Iterator[None]:
-    """Wraps a command. If it fails, removes the empty folders that it made for `out`, its --out or None."""
+    """Wraps a command. If the command fails, it removes the folders that the command made for `out`, if they are still
+    empty. out: the command's --out, or None."""
     new = [] if out is None else [folder for folder in (out, *out.parents) if not os.path.lexists(folder)]
     try:
         yield
@@ -171,7 +172,8 @@ def _missing(error: ImportError) -> str:
 
 
 def _glued(arguments: Sequence[str]) -> list[str]:
-    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value with a minus sign for an option."""
+    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value that starts with a minus sign for an
+    option."""
     out: list[str] = []
     for argument in arguments:
         if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):

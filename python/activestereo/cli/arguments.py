@@ -49,7 +49,8 @@ class Finding(Exception):
 
 
 class Help(argparse.RawDescriptionHelpFormatter):
-    """Keeps a description's line breaks, but rewraps paragraphs, lists and commands wider than the terminal."""
+    """Keeps a description's own line breaks, but rewraps paragraphs, lists and commands that are wider than the
+    terminal."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         parts: list[list[str]] = []  # paragraphs and list entries; a blank line is a part of its own
@@ -82,7 +83,8 @@ def _indent(line: str) -> int:
 
 
 def _hang(line: str) -> int:
-    """Returns the column of a list entry's text; for other indented lines two more than that; 0 for plain prose."""
+    """Returns the column of a list entry's text; for other indented lines two more than the indent; 0 for plain
+    prose."""
     entry = re.match(r" +\S+(?: \S+)*?  +(?=\S)", line)
     return entry.end() if entry else _indent(line) + 2 * line.startswith(" ")
 
@@ -119,7 +121,8 @@ class Parser(argparse.ArgumentParser):
         self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parses, but reports unknown options first; argparse would report missing arguments before them."""
+        """Parses as argparse does, but reports unknown options first; argparse would report missing arguments before
+        them."""
         self._refuse_unknown_options(args or ())
         found, rest = super().parse_known_args(args, namespace)
         if rest and self._subparsers is None:  # the error names this command, not the whole program
@@ -163,7 +166,8 @@ def add_command(
 
 
 def numbers(text: str, counts: Sequence[int], what: str) -> np.ndarray:
-    """Parses finite numbers between commas or blanks. counts: how many are allowed; what: the argument's name."""
+    """Parses finite numbers that are separated by commas or blanks. counts: how many numbers are allowed; what: the
+    argument's name in errors."""
     try:
         values = np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:
@@ -337,7 +341,8 @@ SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
-    """Returns the words by which a next command repeats this run's options, if not default. names: with "_" for "-"."""
+    """Returns the words with which a suggested next command repeats options of this run. names: the options, with "_"
+    for "-". Options at their default value are left out."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
     given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
     return [word for option, value in given if value != usual.get(option) for word in (option, value)]
@@ -369,7 +374,8 @@ def check_out_file(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Makes the folder `path` before long work. Raises CommandError if nothing can be written into it."""
+    """Makes the folder `path` and its parents. Raises CommandError if nothing can be written into it. Commands call it
+    before their long work."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".activestereo"

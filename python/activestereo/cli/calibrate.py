@@ -198,7 +198,8 @@ def add_parser(commands: cli.Commands) -> None:
 def _section_part(
     parts: cli.Commands, name: str, summary: str, text: str, section: str, measure: Callable[..., Any]
 ) -> cli.Parser:
-    """Adds a calibration of a section of model.json. measure(args, progress): returns (model, text, *commands)."""
+    """Adds a calibration that replaces one section of model.json. measure(args, progress): returns the measured
+    SensorModel, a text on it, and perhaps commands to run next."""
     parser = cli.add_command(parts, name, summary, text, _run_section)
     parser.set_defaults(section=section, measure=measure)
     text = "model.json; made if it is not there, else one section is replaced"
@@ -251,7 +252,8 @@ def _materials(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
 
 
 def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
-    """Calibrates the rig. Also writes a picture of the coverage and, with --robot, the camera's pose on the gripper."""
+    """Calibrates the rig. Writes a picture of the corners' coverage beside the model and, with --robot, the camera's
+    pose on the gripper."""
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.rig import Board, calibrate_rig, write_coverage
 

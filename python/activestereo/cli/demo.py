@@ -66,7 +66,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
-    """Prints and runs another command as if typed. number: the step's; words: the command without "activestereo"."""
+    """Prints and runs another command as if the user had typed it. number: the step's number; words: the command
+    without "activestereo"."""
     print(f"\n== {number} of 3: activestereo {' '.join(words)}", flush=True)
     step = args.parser.parse_args(words)
     step.given = words
@@ -74,7 +75,8 @@ def _run_step(args: argparse.Namespace, number: int, words: list[str]) -> None:
 
 
 def _outcome(secret: str, diagnosis: Mapping[str, Any]) -> str:
-    """Returns two lines: the hidden effect `secret`, and the effects that were found, with values and units."""
+    """Returns two lines: the effect `secret`, which was hidden, and the effects that were found, with values and
+    units."""
     from activestereo.benchmarks.example_capture import HIDDEN
     from activestereo.report.diagnosis import parameter_text
 

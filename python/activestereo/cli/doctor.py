@@ -179,7 +179,8 @@ def problems(device_count: int) -> list[Problem]:
 
 
 def driver_manifests() -> list[Path]:
-    """Returns the Vulkan loader's driver manifests, by VK_DRIVER_FILES, VK_ICD_FILENAMES or in the usual folders."""
+    """Returns the driver manifests (JSON files) that the Vulkan loader reads: those that VK_DRIVER_FILES or
+    VK_ICD_FILENAMES name, else those in the usual folders."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
     if named:
         return [path for path in map(Path, named.split(":")) if path.is_file()]
@@ -259,7 +260,8 @@ def _installing(missing: list[str]) -> str:
 
 
 def _without_permission() -> Iterator[Problem]:
-    """Yields problems of access: a container without the graphics part of NVIDIA's driver, and closed render nodes."""
+    """Yields problems of access: a container that has NVIDIA's driver without its graphics part, and render nodes that
+    this user may not open."""
     computes = any(load_fault(name) is None for name in ("libcuda.so.1", "libnvidia-ml.so.1"))
     if computes and load_fault("libGLX_nvidia.so.0") is not None:
         seen = "NVIDIA's driver is there for computing, without its part for graphics (libGLX_nvidia.so.0)"

@@ -85,7 +85,8 @@ def _engine_or_image(e: Effect) -> str:
 
 
 def _table(effects: dict[str, Effect]) -> str:
-    """Returns a table: a line per effect (id, stage, family, 'engine' or 'image only'), its parameters below."""
+    """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
+    and their units follow below each line."""
     rows = [("id", "stage", "family", "simulated")]
     rows += [(e.id, e.stage.name.lower(), e.family, _engine_or_image(e)) for e in effects.values()]
     head, *lines = columns(rows).splitlines()
@@ -96,7 +97,8 @@ def _table(effects: dict[str, Effect]) -> str:
 
 
 def _as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
-    """Returns a dict per effect: id, stage, family, 'engine' or 'image only', and parameters with unit and range."""
+    """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
+    range."""
     return [
         {
             "id": e.id,

@@ -64,7 +64,8 @@ def folder_device(args: argparse.Namespace, size: tuple[int, int]) -> tuple[Devi
 
 
 def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> DeviceText | None:
-    """Reads the file of --calibration, None without. --baseline fills a gap. size: (width, height), or None."""
+    """Reads the calibration file of --calibration; --baseline is used if the file has no baseline. Returns None without
+    the option. size: (width, height) of the images, or None."""
     from activestereo.capture.importers.calibration import read_calibration_files
 
     if not args.calibration:
@@ -77,7 +78,8 @@ def given_device(args: argparse.Namespace, size: tuple[int, int] | None) -> Devi
 
 
 def own_device(args: argparse.Namespace, recording: Path, size: tuple[int, int] | None) -> DeviceText | None:
-    """Returns given_device() for a recording with a calibration. Raises CommandError if --k or --k-right is given."""
+    """Returns given_device() for a recording that includes a calibration. Raises CommandError if --k or --k-right is
+    given."""
     if args.k is not None or args.k_right is not None:
         raise cli.CommandError(f"{recording}: has K of its own: leave out --k, or give --calibration FILE")
     return given_device(args, size)
@@ -102,7 +104,8 @@ class RectifiedPair:
 
 
 def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair:
-    """Returns both cameras, for images of width x height. Raises CommandError if they are not rectified."""
+    """Returns the two cameras of a calibration, for images of width x height. Raises CommandError if they are not
+    rectified."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     if np.abs(left.K - right.K)[[0, 1, 1], [0, 1, 2]].max() > _MOST_ROWS_PX:
         focal = f"{left.K[0, 0]:g} and {right.K[0, 0]:g} px, cy {left.K[1, 2]:g} and {right.K[1, 2]:g} px"
@@ -133,7 +136,8 @@ def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: f
 
 
 def is_rectified(device: DeviceText, width: int, height: int) -> bool:
-    """Returns whether images of this calibration are rectified: no distortion, no difference but baseline and cx."""
+    """Returns whether images of this calibration are rectified: no lens distortion, matching rows, and no difference
+    but baseline and cx."""
     left, right = (device.intrinsic(name, width, height) for name in ("Infrared 1", "Infrared 2"))
     left_to_right = device.extrinsic("Infrared 1", "Infrared 2")
     turned = np.abs(left_to_right[:3, :3] - np.eye(3)).max() * left.K[0, 0]
@@ -171,7 +175,8 @@ def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """Returns the words for --depth that give every frame a depth image, such as "laser" for img_depth_laser.png."""
+    """Returns the words for --depth that give every frame a depth image, in order of the files' names. For example,
+    img_depth_laser.png gives "laser"."""
     from activestereo.capture.importers.realsense_folder import frame_files
 
     found = []

@@ -156,7 +156,8 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
 
 def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[str], list[str]]:
     """Imports a recording with infrared pairs. Returns (capture, lines on found, assumed and missing data, words).
-    `words` holds the values of --depth that select one of several kinds of depth images; empty for a single kind."""
+    `words` holds the values of --depth that select one of several kinds of depth images; it is empty for a single
+    kind."""
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
     from activestereo.capture.importers.frames import read_trajectory
     from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped

@@ -73,7 +73,8 @@ _MAPS = ("confidence", "reason")
 
 
 def add_matching(parser: cli.Parser, defaults: Mapping[str, Any]) -> None:
-    """Adds the depth engine's rare options: matcher, rig and maps. defaults: the command's own values."""
+    """Adds the rare options of the depth engine: matcher and rig parameters, and its maps. defaults: the command's own
+    values."""
     text = "Semi-global matching of census descriptors, and what becomes of its depth."
     group = parser.rare_group("matching", text)
     add_options(group, MATCHER, defaults)
@@ -96,7 +97,8 @@ def write_maps(folder: Path, maps: Mapping[str, np.ndarray]) -> None:
 
 
 def stage_table(groups: Mapping[str, Mapping[str, float]]) -> str:
-    """Returns a table of times. groups: {group: {stage: ms}}, its sum first; stages below 0.1 % are left out."""
+    """Returns a text table of times in ms. groups: {group: {stage: ms}}. A group's sum comes before its stages; stages
+    below 0.1 % of the total are left out."""
     total = sum(sum(stages.values()) for stages in groups.values())
     lines = [f"{'stage':32}{'time':>12}"]
     for group, stages in groups.items():
@@ -145,7 +147,8 @@ def _field(text: str) -> tuple[str, float | int | list[float] | None]:
 
 
 def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
-    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration."""
+    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration; other fields keep
+    their values."""
     if args.ir_signal:
         own, neutral = config.ir_signal, simsense.signal_preset("neutral")
         signal = simsense.signal_preset(own) if isinstance(own, str) else dict(own or {})  # type: ignore[arg-type]

@@ -157,7 +157,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | None = None) -> SensorModel | None:
-    """Reads the file of --model, None without. effects: {id: Effect} for it; None: built-in ones and --effects."""
+    """Reads the model file of --model, or returns None without that option. effects: {id: Effect} that the model may
+    name; None: loads the built-in ones and those of --effects."""
     if args.model is None:
         return None
     if args.resolution:
@@ -419,7 +420,8 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:
-    """Warns on stderr of bodies that the sensor cannot measure, (name, reason) each, and perhaps of wrong units."""
+    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. summary: the scene's
+    count of bodies and its bounds, for a hint at wrong units."""
     from activestereo.scene_io.scene_files import size_hint
 
     if not unseen:

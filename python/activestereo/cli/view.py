@@ -67,7 +67,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
-    """Returns the path to show. A bag is imported as a capture into a temporary folder, which `stack` deletes."""
+    """Returns the path to show. A bag is first imported as a capture into a temporary folder, which closing `stack`
+    deletes."""
     from activestereo.capture.importers.bag import is_bag
 
     if not is_bag(args.path):

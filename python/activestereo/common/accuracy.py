@@ -21,12 +21,14 @@ class Accuracy:
 
 
 def is_invented(measured: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Returns a mask of invented depths: where nothing is, or more than 5 % off. measured, true: metres, 0 = none."""
+    """Returns a mask of invented depths: pixels with a measurement where no surface is, or more than 5 % off the true
+    depth. measured, true: metres, 0 = none."""
     return (measured > 0) & ((true <= 0) | (np.abs(measured - true) > INVENTED_SHARE * true))
 
 
 def accuracy(name: str, measured: np.ndarray, true: np.ndarray, where: np.ndarray) -> Accuracy:
-    """Computes Accuracy in the mask `where`, at true depths. measured, true: metres [height, width], 0 = none."""
+    """Computes the Accuracy of the pixels in the mask `where` that have a true depth. measured, true: metres [height,
+    width], 0 = none."""
     where = where & (true > 0)
     hit = where & (measured > 0)
     error = np.abs(measured[hit] - true[hit])

@@ -10,7 +10,8 @@ def text(value: object) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), wide: bool = False) -> str:
-    """Formats an HTML table. head: plain text. rows: trusted HTML. numbers: right-aligned columns."""
+    """Formats an HTML table. head: column titles as plain text. rows: cells, which are trusted HTML. numbers: indices
+    of right-aligned columns. wide: adds the CSS class `wide`."""
     cls = [' class="n"' if i in numbers else "" for i in range(len(head))]
     lines = ["<tr>" + "".join(f"<th{c}>{text(h)}</th>" for c, h in zip(cls, head, strict=True)) + "</tr>"]
     lines += [

@@ -28,7 +28,8 @@ _DEEPEST_TOML = 16
 
 
 def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
-    """Opens a file of bytes. Raises OSError with its name if it is not regular or has more than `most_bytes`."""
+    """Opens a file for binary reading. Raises OSError, with filename `path`, if it is no regular file or has more than
+    `most_bytes`."""
     # Without O_NONBLOCK a pipe that nobody writes to would be waited for here.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
@@ -40,7 +41,8 @@ def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
 
 
 def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
-    """Checks a file as open_file() does, and returns its path for a library that opens it itself. Raises OSError."""
+    """Checks a file as open_file() does, without reading it, and returns its path for a library that opens the file
+    itself. Raises OSError."""
     _check(os.stat(path), path, most_bytes)
     return Path(path)
 
@@ -59,7 +61,8 @@ def read_bytes(path: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
 
 
 def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict") -> str:
-    """Reads a text file. Raises OSError as open_file(), and ValueError with the path for bytes not in `encoding`."""
+    """Reads a text file. Raises OSError as open_file() does, and ValueError with the path if its bytes are not in
+    `encoding`."""
     try:
         return read_bytes(path, MOST_TEXT_BYTES).decode(encoding, errors)
     except UnicodeDecodeError as error:
@@ -67,7 +70,8 @@ def read_text(path: str | Path, encoding: str = "utf-8", errors: str = "strict")
 
 
 def read_json(path: str | Path) -> Any:
-    """Reads a JSON file. Raises OSError as open_file(), and ValueError with the path for invalid or too deep JSON."""
+    """Reads a JSON file. Raises OSError as open_file() does, and ValueError with the path for invalid or too deep
+    JSON."""
     text = read_text(path)
     try:
         value = json.loads(text)
@@ -85,7 +89,8 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_json_object(path: str | Path) -> dict[str, Any]:
-    """Reads a JSON file whose top level is an object. Raises as read_json(), and ValueError for any other value."""
+    """Reads a JSON file whose top level is an object. Raises as read_json() does, and ValueError with the path for any
+    other value."""
     found = read_json(path)
     if not isinstance(found, dict):
         raise ValueError(f"{path}: is not a JSON object")
@@ -93,7 +98,8 @@ def read_json_object(path: str | Path) -> dict[str, Any]:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Reads a TOML file as nested dicts. Raises OSError as open_file(), and ValueError for invalid or too deep TOML."""
+    """Reads a TOML file as nested dicts. Raises OSError as open_file() does, and ValueError with the path for invalid
+    or too deep TOML."""
     content = read_bytes(path, _MOST_TOML_BYTES)
     try:
         text = content.decode()

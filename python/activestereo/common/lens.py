@@ -51,7 +51,8 @@ def is_drawn(x: NDArray[np.float64], y: NDArray[np.float64], coefficients: Coeff
 
 
 def to_tangents(u: NDArray[Any], v: NDArray[Any], k: NDArray[Any], coefficients: Coefficients = ()) -> Positions:
-    """Maps pixels (u, v) to the directions (x, y, 1) that they see. k: 3x3; no coefficients: a pinhole."""
+    """Maps pixels (u, v) to the directions (x, y, 1) that they see. k: 3x3 camera matrix; no coefficients: a
+    pinhole."""
     y = (v - k[1, 2]) / k[1, 1]
     x = (u - k[0, 2] - k[0, 1] * y) / k[0, 0]
     return undistort(x, y, coefficients) if is_distorting(coefficients) else (x, y)

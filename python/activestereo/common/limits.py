@@ -42,7 +42,8 @@ class Limits:
         return value
 
     def check_each(self, name: str, values: ArrayLike, count: int) -> NDArray[np.float64]:
-        """Checks a number for each of `count` environments, or one for all. Raises ValueError with the environment."""
+        """Checks one number for each of `count` simulation environments, or one for all, and returns [count] numbers.
+        Raises ValueError with the name and the environment."""
         numbers = np.asarray(values, np.float64)
         if numbers.shape not in ((), (count,)):
             raise ValueError(f"{name} is {list(numbers.shape)}, expected a number or [{count}]")

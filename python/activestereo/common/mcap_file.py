@@ -35,7 +35,8 @@ def camera_info_message(
     tx: float = 0.0, ty: float = 0.0,
 ) -> Any:  # fmt: skip
     """Makes a sensor_msgs/msg/CameraInfo. k: [3, 3], pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P,
-    pixels times metres; a right camera's tx is minus focal length times baseline. make: as in image_message()."""
+    pixels times metres; for a right camera tx is minus the focal length times the baseline. make: as in
+    image_message()."""
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return make(
         "sensor_msgs/msg/CameraInfo",

@@ -44,7 +44,8 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def finite(value: Any) -> Any:
-    """Returns the nested value with None for NaN and infinities, which JSON cannot express. Tuples become lists."""
+    """Returns the nested value with None in place of NaN and infinities, which JSON cannot express. Tuples become
+    lists."""
     if isinstance(value, dict):
         return {name: finite(one) for name, one in value.items()}
     if isinstance(value, list | tuple):
@@ -71,13 +72,15 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
 
 
 def left_over(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yields (name, path) of the temporary folders in `folder` that a killed written_together() left."""
+    """Yields (name, path) of the temporary folders in `folder` that written_together() could not remove because its
+    process was killed."""
     for path in folder.glob(f"{_UNFINISHED}*"):
         yield path.name.removeprefix(_UNFINISHED).rpartition("-")[0], path
 
 
 def check_target(path: Path) -> None:
-    """Raises OSError, before long work, if `path` is a folder, device, pipe or loop of links, to replace by no file."""
+    """Raises OSError if `path` is a folder, a device, a pipe or a loop of links, which no file may replace. Call it
+    before long work."""
     try:
         is_file = stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -114,7 +117,8 @@ def _new_aside(folder: Path, name: str = "") -> Path:
 
 
 def _move(aside: Path, folder: Path, last: Path) -> None:
-    """Moves all files below `aside` to their places below `folder`, `last` at the end; or undoes all, if one fails."""
+    """Moves all files below `aside` to the same relative paths below `folder`, the file `last` at the end. If one move
+    fails, the others are undone."""
     found = (path for path in aside.rglob("*") if path.is_file())
     files = sorted(found, key=lambda path: (path == aside / last, path))
     for path in files:
@@ -158,7 +162,8 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _named_by_place(aside: Path, place: Path) -> Iterator[None]:
-    """Re-raises the block's OSErrors on files below `aside` with their final names below `place`."""
+    """Re-raises the block's OSErrors about files below the temporary folder `aside`, with their final names below
+    `place`."""
     try:
         yield
     except OSError as error:

@@ -10,5 +10,6 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 
 
 def vertex(before: Number, middle: Number, after: Number) -> Number:
-    """Returns the top of the parabola through three neighbours, pixels from the middle one, which must be largest."""
+    """Returns the position of the top of the parabola through the values of three neighbouring pixels, in pixels from
+    the middle one. The middle value must be the largest."""
     return 0.5 * (before - after) / np.minimum(before - 2.0 * middle + after, -1e-12)

@@ -42,7 +42,8 @@ def make_pattern(design: PatternDesign) -> np.ndarray:
 
 
 def spots_image(x: np.ndarray, y: np.ndarray, peak: np.ndarray, sigma_px: float, width: int, height: int) -> np.ndarray:
-    """Draws the sum [height, width] of Gaussian spots, cut at four sigmas, without those centred outside."""
+    """Draws the sum [height, width] of Gaussian spots with these centres, peaks and sigma. Spots are cut at four
+    sigmas, and those centred outside the image are left out."""
     reach = int(np.ceil(4.0 * sigma_px))
     inside = (np.rint(x) >= 0) & (np.rint(x) < width) & (np.rint(y) >= 0) & (np.rint(y) < height)
     x, y, peak = x[inside], y[inside], peak[inside]
@@ -91,7 +92,8 @@ def _lattices(design: PatternDesign) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _random(seed: int, stream: int, shape: Sequence[int]) -> np.ndarray:
-    """Returns uniform numbers in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) of a counter, whatever the library."""
+    """Returns uniform numbers in [0, 1): SplitMix64 (Steele, Lea, Flood 2014) applied to a counter, so they depend on
+    no library's version."""
     count = np.arange(1, np.prod(shape) + 1, dtype=np.uint64)
     with np.errstate(over="ignore"):
         z = (count + (np.uint64(seed * 4 + stream) << np.uint64(40))) * np.uint64(0x9E3779B97F4A7C15)

@@ -112,7 +112,8 @@ def motion_of_twist(twist: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
-    """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` looking at `target`, `up` upwards."""
+    """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` that looks at `target`, with `up` upwards in
+    the image. The three vectors are in the world's axes."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)
@@ -139,7 +140,8 @@ def printed_motion(
     rotation: ArrayLike, translation: ArrayLike, name: str, last_row: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> NDArray[Any]:
     """Returns the rigid [4, 4] nearest to a rotation (9 numbers, row by row) and a translation (3) that were rounded to
-    few digits. last_row: of a 4x4, which must be 0, 0, 0, 1. Raises ValueError, with `name`, for no rigid motion."""
+    few digits. last_row: of a 4x4, which must be 0, 0, 0, 1. Raises ValueError, which begins with `name`, if the
+    numbers are no rigid motion."""
     pose = np.eye(4)
     try:
         pose[:3, :3] = np.asarray(rotation, dtype=np.float64).reshape(3, 3)

@@ -93,7 +93,8 @@ def _begin(begin: Callable[..., object], arguments: tuple[Any, ...]) -> None:
 
 
 def _end_with_parent() -> None:
-    """Ends this worker when its parent ends. It keeps the pipe of its own tasks open, so it would wait for ever."""
+    """Ends this worker process when its parent ends. The worker itself keeps the pipe of its tasks open, so without
+    this it would wait for ever."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])

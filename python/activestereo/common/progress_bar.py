@@ -21,7 +21,8 @@ _Progress = TypeVar("_Progress", Progress, None, Progress | None)
 
 
 def part_of(progress: _Progress, start: float, end: float) -> _Progress:
-    """Returns a progress function for the part start..end of the work that `progress` shows; None for None."""
+    """Returns a progress function for one part of the work. It maps the part's fraction 0..1 to start..end of the whole
+    and calls `progress`. Returns None if progress is None."""
     if progress is None:
         return None
     whole = progress

@@ -15,7 +15,8 @@ _ENDS = re.compile(r"([\n\t])")
 
 
 class _Short(reprlib.Repr):
-    """Abbreviates nested values to two levels of three entries, as YAML's aliases can make them too large."""
+    """Abbreviates nested values to two levels and three entries each, because YAML's aliases can make values too large
+    to print."""
 
     def __init__(self) -> None:
         super().__init__()

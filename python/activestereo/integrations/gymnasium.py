@@ -104,6 +104,7 @@ def _entry(values: Any, keys: Sequence[str]) -> Any:
 
 
 def _with_entry(values: Any, keys: Sequence[str], new: Any, kind: Callable[[dict[str, Any]], Any]) -> Any:
-    """Returns a copy of nested mappings whose path `keys` leads to `new`. kind: makes each mapping from a dict."""
+    """Returns a copy of nested mappings in which the path `keys` leads to `new`. kind: makes the mapping of each level
+    from a dict."""
     own = new if len(keys) == 1 else _with_entry(values[keys[0]], keys[1:], new, kind)
     return kind({**dict(values.items()), keys[0]: own})

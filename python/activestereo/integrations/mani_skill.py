@@ -119,8 +119,9 @@ class StereoDepthCameraConfig(ManiSkillConfig):
     """Configures a StereoDepthCamera, with these fields beyond ManiSkill's CameraConfig.
 
     model: a preset's name. samples_per_pixel: of rendered images. min_depth, max_depth: metres. sensor: a
-    StereoDepthSensorConfig for these four; the RGB image keeps the CameraConfig's size and intrinsics. device: 'auto',
-    'cpu' or an index. on_cuda: observations stay on the rendering GPU; None: if the simulation is on CUDA."""
+    StereoDepthSensorConfig that replaces these four; the RGB image keeps the CameraConfig's size and intrinsics.
+    device: 'auto', 'cpu' or an index. on_cuda: observations stay on the rendering GPU; None: if the simulation is on
+    CUDA."""
 
     def __init__(
         self, *args: Any, min_depth: float = 0.1, max_depth: float = 10.0, model: str = "sapien-D435",
@@ -141,7 +142,8 @@ class StereoDepthCameraConfig(ManiSkillConfig):
         return cls(**cfg.__dict__)
 
     def native(self, intrinsic: NDArray[np.float64]) -> StereoDepthSensorConfig:
-        """Returns the configuration for activestereo's sensor. intrinsic: 3x3, first pixel's middle at (0.5, 0.5)."""
+        """Returns the configuration for activestereo's sensor. intrinsic: 3x3 in SAPIEN's convention, the middle of the
+        first pixel at (0.5, 0.5)."""
         config = deepcopy(self.sensor) or self._preset_config(intrinsic)
         config.rgb_resolution = (self.width, self.height)
         config.rgb_intrinsic = own_matrix(intrinsic)
@@ -192,7 +194,8 @@ class Observations:
         return (self._image("depth") * _MM).clamp(max=_FARTHEST_MM).round()
 
     def positions(self, depth_mm: torch.Tensor) -> torch.Tensor:
-        """Returns the points of depth_mm, int16 [E, height, width, 3] millimetres, x right, y up, z backward."""
+        """Returns the points of depth_mm, int16 [E, height, width, 3] millimetres in the camera's OpenGL axes: x right,
+        y up, z backward."""
         points = self._rays() * depth_mm[..., None]
         return points.clamp(-_FARTHEST_MM, _FARTHEST_MM).round().to(torch.int16)
 
@@ -212,7 +215,8 @@ class Observations:
 
     @computed_once
     def _rays(self) -> torch.Tensor:
-        """Returns rays through the pixels, float32 [height, width, 3], in the camera's OpenGL axes, with z = -1."""
+        """Returns ray directions through the pixels, float32 [height, width, 3], in the camera's OpenGL axes, with z =
+        -1."""
         rays = np.moveaxis(self.sensors.rgb_rays(), 0, -1) * (1.0, -1.0, -1.0)
         return torch.from_numpy(np.ascontiguousarray(rays, np.float32)).to(self._image("depth").device)
 
@@ -248,7 +252,8 @@ class StereoDepthCamera(Camera):
 
     @property
     def sensors(self) -> StereoDepthSensorBatch:
-        """Returns the sensors, for the infrared pair and true depth. Raises RuntimeError before the first capture()."""
+        """Returns the batch of sensors behind the camera, for further results: the infrared pair, true depth. Raises
+        RuntimeError before the first capture()."""
         if self._observations is None:
             raise RuntimeError("no picture yet: call capture() first")
         return self._observations.sensors
@@ -264,7 +269,8 @@ class StereoDepthCamera(Camera):
         self, rgb: bool = True, depth: bool = True, position: bool = True, segmentation: bool = True,
         normal: bool = False, albedo: bool = False, apply_texture_transforms: bool = True,
     ) -> dict[str, torch.Tensor]:  # fmt: skip
-        """Returns {modality: [E, height, width, channels]} on its device. Raises ValueError for normal and albedo."""
+        """Returns {modality: [E, height, width, channels]} on the simulation's device. Raises ValueError for normal and
+        albedo."""
         if normal or albedo:
             raise ValueError("a stereo depth camera has rgb, depth, position and segmentation, not normal or albedo")
         sensors, seen, out = self.sensors, self._observations, {}

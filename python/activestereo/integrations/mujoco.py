@@ -97,7 +97,8 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
 
 
 def ambient_radiance(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """Returns the radiance from all sides: MuJoCo's ambient terms and the headlight, which is the viewer's."""
+    """Returns the model's uniform radiance from all sides: MuJoCo's ambient terms and the headlight, which belongs to
+    the viewer and not to the room."""
     head = model.vis.headlight
     total = (np.asarray(head.ambient) + np.asarray(head.diffuse)) * bool(head.active) + np.zeros(3)
     for light in range(model.nlight):
@@ -177,7 +178,8 @@ def has_own_uvs(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh:
-    """Returns the mesh with a 2D texture over x and y. repeat: [2], over the geom, or per metre if is_uniform."""
+    """Returns the mesh with texture coordinates that lay a 2D texture over x and y. repeat: [2], how often it repeats
+    over the geom, or per metre if is_uniform."""
     at = mesh.positions[:, :2] * [1.0, -1.0]
     half = 1.0 if is_uniform else 2.0 * np.abs(mesh.positions[:, :2]).max(axis=0).clip(1e-9)
     return replace(mesh, uvs=np.ascontiguousarray(at / half * repeat + 0.5 * (not is_uniform), np.float32))
@@ -185,7 +187,8 @@ def plane_uvs(mesh: Mesh, repeat: NDArray[np.float64], is_uniform: bool) -> Mesh
 
 def cube_uvs(mesh: Mesh, is_uniform: bool) -> Mesh:
     """Returns the mesh with texture coordinates of a cube map, projected from the geom's middle by OpenGL's rule. The
-    texture's six squares lie below one another (+x, -x, +y, -y, +z, -z). A triangle uses its middle's square."""
+    texture's six squares lie below one another (+x, -x, +y, -y, +z, -z). Each triangle uses the square that its middle
+    falls into."""
     half = 1.0 if is_uniform else np.abs(mesh.positions).max(axis=0).clip(1e-9)
     corners = (mesh.positions / half)[mesh.indices].astype(np.float64)
     middle = corners.mean(axis=1)
@@ -214,7 +217,8 @@ def _scaled(mesh: Mesh, scale: NDArray[np.float64] | list[float]) -> Mesh:
 
 
 def _model_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
-    """Returns a mesh of the model. MuJoCo indexes positions, normals and texture coordinates separately."""
+    """Returns a mesh of the model. MuJoCo indexes positions, normals and texture coordinates separately; here each
+    vertex has one of each."""
     faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     vertex, normal = model.mesh_face[faces], model.mesh_facenormal[faces]
     has_uvs = model.mesh_texcoordadr[mesh] >= 0
@@ -310,11 +314,13 @@ class MujocoScene:
         return MujocoMount(self, number, is_camera=body is None)
 
     def geom_of(self, semantic_id: int) -> str:
-        """Returns the name of the geom at a pixel. semantic_id: of the picture, the geom's number + 1 (0 = no geom)."""
+        """Returns the name of the geom that a pixel of the picture 'semantic_id' shows. semantic_id: the pixel's value,
+        the geom's number + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
 
     def _mesh(self, geom: int) -> int | None:
-        """Returns the number of a geom's mesh, None without a surface. Geoms of equal shape and texturing share it."""
+        """Returns the number of a geom's mesh in the scene, None without a surface. Geoms of equal shape and texturing
+        share a mesh."""
         model, material = self.model, int(self.model.geom_matid[geom])
         texture = self._looks.colour_texture(material)
         shape = (int(model.geom_type[geom]), int(model.geom_dataid[geom]), model.geom_size[geom].tobytes())
@@ -337,7 +343,8 @@ class MujocoScene:
 
 class MujocoMount:
     """Lets a depth sensor follow a camera or body of a MuJoCo model. MujocoScene.mount() makes it; StereoDepthSensor
-    (one state) and StereoDepthSensorBatch (a list of states) take it. number: the camera's or body's."""
+    (one state) and StereoDepthSensorBatch (a list of states) take it. number: the camera's or the body's in the
+    model."""
 
     def __init__(self, world: MujocoScene, number: int, is_camera: bool) -> None:
         self._world, self._number, self._is_camera = world, number, is_camera

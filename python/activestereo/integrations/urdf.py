@@ -85,7 +85,8 @@ class Urdf:
             raise ValueError(f"{path}: joint '{unknown.name}' mimics '{unknown.driver}', which does not move by itself")
 
     def add_to(self, bodies: Bodies, prefix: str = "") -> list[int]:
-        """Adds a body for each link, in the order of link_names, named `prefix` and link. Returns their numbers."""
+        """Adds a body for each link, in the order of link_names. The body's name is `prefix` and the link's name.
+        Returns the bodies' numbers."""
         out = []
         for name, visuals in zip(self.link_names, self._visuals, strict=True):
             shapes = []
@@ -202,7 +203,8 @@ class Urdf:
         return _Visual([Part(mesh)], self._origin(element) @ np.diag([*scale, 1.0]), own)
 
     def _mesh(self, kind: xml.Element) -> tuple[Sequence[Part], NDArray[np.float64]]:
-        """Reads a mesh file's parts: (parts, 4x4 from its coordinates to the visual's). URDF's scale sets the unit."""
+        """Reads a mesh file's parts, and returns them with the 4x4 from its coordinates to the visual's; URDF's scale
+        sets the unit."""
         path, scale = self._file(kind.get("filename", "")), self._numbers(kind.get("scale", "1 1 1"), 3)
         try:
             parts = read_parts(path)

@@ -79,7 +79,8 @@ def pattern_image(pattern: Pattern) -> NDArray[np.float32]:
 
 def found_effect(diagnosis: Mapping[str, Any], effect_id: str) -> tuple[dict[str, Quantity], tuple[str, ...]]:
     """Reads an effect's parameters from a diagnosis' JSON: ({parameter: Quantity}, names of the surfaces that show it;
-    () = all). The accepted model's values precede the ranking's. Raises ValueError if the diagnosis has neither."""
+    () = all). Values of the accepted model take precedence over those of the ranking. Raises ValueError if the
+    diagnosis has neither."""
     ranked = {e.get("effect"): e for e in diagnosis.get("ranking", [])}
     accepted = {e.get("id"): e for e in reversed(diagnosis.get("model", {}).get("effects", []))}
     found = accepted.get(effect_id) or ranked.get(effect_id)

@@ -128,7 +128,8 @@ class ModelEffect:
 @dataclass(frozen=True)
 class SensorModel:
     """A sensor model. nuisances: {name of NUISANCES: Quantity}. materials: {glTF name: {name of MATERIAL_FIELDS:
-    Quantity}}. poses: measured poses that differ from the capture's. source: text, from where it comes."""
+    Quantity}}. poses: measured poses of a capture's views that differ from the stated ones. source: text, from where
+    the model comes."""
 
     rig: Rig | None = None
     pattern: Pattern | None = None
@@ -142,7 +143,8 @@ class SensorModel:
     def with_effect(
         self, effect: Effect, parameters: Mapping[str, Quantity], surfaces: Sequence[str] = ()
     ) -> SensorModel:
-        """Returns a copy with one more effect, or with new parameters of one. Raises ValueError if one is invalid."""
+        """Returns a copy with one more effect, or with new parameters of a present one. Raises ValueError for an
+        unknown parameter or a value out of range."""
         effect.values({name: q.value for name, q in parameters.items() if name != SURFACES.name})
         kept = tuple(e for e in self.effects if e.effect.id != effect.id)
         values = {name: q for name, q in parameters.items() if name != SURFACES.name}
@@ -150,7 +152,8 @@ class SensorModel:
 
     def bound(self, material_names: Sequence[str]) -> Model:
         """Returns the effects for a scene: surface names are replaced by the scene's surface numbers
-        (effects/core/surfaces.py). material_names: the scene's. Raises ValueError for a missing name."""
+        (effects/core/surfaces.py). material_names: the scene's names by number. Raises ValueError with a name that the
+        scene lacks."""
         model = Model()
         for entry in self.effects:
             values = {name: q.value for name, q in entry.parameters.items()}
@@ -172,7 +175,8 @@ class SensorModel:
         return {name for entry in self.effects for name in entry.surfaces}
 
     def scene_measurement(self, material_names: Sequence[str]) -> SceneMeasurement:
-        """Returns the fitted focal lengths, albedo factors and material properties for a scene with these materials."""
+        """Returns the fitted focal lengths, albedo factors and material properties for a scene with these materials.
+        Materials that the model does not know are left out."""
         left, right = (
             self.nuisances[name].value if name in self.nuisances else 0.0 for name in ("focal_left", "focal_right")
         )

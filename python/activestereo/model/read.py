@@ -39,7 +39,8 @@ _NOTES = ("simulated", "image_only", "unit")
 
 
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
-    """Reads a model file. effects: {id: Effect} that it may name; None = the built-in ones. Raises ValueError."""
+    """Reads a model file. effects: {id: Effect} that the file may name; None = the built-in ones. Raises ValueError
+    with the fault."""
     root = JsonObject.read(path)
     if root.text("format") != FORMAT:
         root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")

@@ -64,7 +64,8 @@ def show(model: SensorModel) -> str:
 
 
 def diff(first: SensorModel, second: SensorModel) -> str:
-    """Returns the description lines that only the first model has (-) or the second (+); empty if both are equal."""
+    """Returns the description lines that only the first model has (-) or only the second (+); empty if both are
+    equal."""
     lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
     return "\n".join(line for line in lines if not line.startswith("@@"))
 

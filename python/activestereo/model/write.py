@@ -16,7 +16,8 @@ from activestereo.model.read import FORMAT, VERSION
 
 
 def write_model(path: str | Path, model: SensorModel) -> list[Path]:
-    """Writes the model and, beside it, the pattern's image, STEM.pattern.png. Returns the paths. Raises OSError."""
+    """Writes the model and, beside it, a copy of the pattern's image, PATH's stem with .pattern.png. Returns the
+    written paths. Raises OSError."""
     path = Path(path)
     written = []
     pattern_name = f"{path.stem}.pattern.png"

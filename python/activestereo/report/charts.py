@@ -49,7 +49,8 @@ def _legend(axes: Axes, **place: Any) -> None:
 
 
 def frames_chart(scores: Mapping[str, Any]) -> Figure:
-    """Draws each frame's RMSE with its noise floor: infrared, DN, and any disparity, px. scores: compare.json's."""
+    """Draws a bar for each frame's RMSE with its noise floor: infrared in DN, and disparity in pixels if the device
+    gave depth. scores: compare.json's contents."""
     infrared = [(e["id"], e["split"], e["rmse_dn"], e["noise_floor_dn"]) for e in scores["frames"]]
     depth = [(e["id"], s, e["rmse_px"], e["noise_floor_px"]) for s, v in scores["depth"].items() for e in v["frames"]]
     panels = [("Infrared RMSE, DN", infrared)] + ([("Disparity RMSE, px", sorted(depth))] if depth else [])

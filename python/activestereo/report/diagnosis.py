@@ -38,7 +38,8 @@ Split = Mapping[str, Any]
 
 def split_sentences(split: Split | None) -> list[str]:
     """Returns sentences on the device's depth error with model.json applied. They state its RMS, the causes of its
-    square in percent, and its RMS at each distance. split: diagnose.json's depth_split; None: no sentences."""
+    square in whole percents that sum to 100, and its RMS at each distance. split: diagnose.json's depth_split; None: no
+    sentences."""
     if not split:
         return []
     whole = split["after"]
@@ -100,7 +101,8 @@ def _told_rows(result: Mapping[str, Any], most: int) -> list[tuple[int, Mapping[
 
 
 def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Path, kept: str, verbose: bool) -> str:
-    """Returns the final screen of `diagnose`. page: the report's path; kept: text on cache and times, if `verbose`."""
+    """Returns the final screen of `diagnose`. steps: commands to run next; page: the report's path; kept: text on the
+    cache and times, printed if `verbose`."""
     name = f"{result['capture']}: " if result.get("capture") else ""
     words = headline(result)
     rows, floor = errors_told(result), result["heldout_noise_floor"]
@@ -113,7 +115,8 @@ def diagnosis_screen(result: Mapping[str, Any], steps: Sequence[Step], page: Pat
 
 
 def diagnosis_table(result: Mapping[str, Any]) -> str:
-    """Returns --verbose's text: the ranking of effects, the depth engine's verdict and further measurements."""
+    """Returns the text that --verbose adds: the ranking of effects, the depth engine's verdict and further
+    measurements."""
     lines = _table(result)
     if (size := result.get("binning", 1)) > 1:
         lines.append(f"searched in images averaged over {size}x{size} pixels (--bin); figures are of whole images")
@@ -168,7 +171,8 @@ def _values(entry: Mapping[str, Any]) -> str:
 
 
 def _depth_lines(depth: Mapping[str, Any] | None) -> list[str]:
-    """Returns lines on the depth engine: verdict, added effects, and faults of our matcher, not the sensor."""
+    """Returns lines on the depth engine: the verdict, the added effects, and differences from our matcher that are no
+    fault of the sensor."""
     if not depth:
         return []
     lines = [f"depth engine: {depth['verdict']}" + (f" ({depth['reason']})" if depth["reason"] else "")]
@@ -253,7 +257,8 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
 
 
 def _depth_engine(depth: dict) -> str:
-    """Returns the HTML section on the depth engine's effects. It marks the matcher's own differences."""
+    """Returns the HTML section on effects of the depth engine. It marks differences that come from the matcher and are
+    no fault of the sensor."""
     rows = []
     for entry in depth["ranking"]:
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())

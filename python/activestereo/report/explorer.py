@@ -100,7 +100,8 @@ def _chosen_frames(comparison: Comparison, most_pixels: int) -> list[Frame]:
 def _infrared_view(
     comparison: Comparison, frame: Frame, side: str, images: ModelImages, held: ModelImages, told: ToldErrors
 ) -> dict[str, Any]:
-    """Returns one infrared image's data for web/explorer.js. images: of all models, for RMSE. held: of shown models."""
+    """Returns the data of one infrared image for web/explorer.js: encoded images, scales and RMSE. images: of all
+    models, for the RMSE. held: of the models that the page shows."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
     measured = comparison.capture.ir(frame, side)
     floor = scores["noise_floor_dn"]

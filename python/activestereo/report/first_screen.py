@@ -186,7 +186,8 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
-    """Converts DN to grey RGB, uint8 [height][width][3], by square root. high: white. NaN is shown as not compared."""
+    """Converts an image in DN to grey RGB, uint8 [height][width][3], on the explorer's square-root scale. high: the DN
+    of white. NaN is shown as not compared."""
     shade = np.sqrt(np.ma.masked_invalid(np.clip(image / high, 0.0, 1.0)))
     return np.asarray(colormaps["gray"].with_extremes(bad=_NOT_COMPARED)(shade, bytes=True))[..., :3]
 

@@ -82,7 +82,8 @@ def told_errors(comparison: Comparison, found_errors: ImageErrors | None = None)
 
 
 def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callable[[float], object] | None) -> Any:
-    """Computes model_images() in parallel processes. models: {name: Model}. given: {name: images} that exist."""
+    """Computes the images of model_images() in parallel processes. models: {name: Model}. given: {name: images} that
+    need no computation."""
     capture, measured = comparison.capture, comparison.measured
     images = [
         MeasuredImage(f, side, View.of(capture, f, side, layers), layers, measured[f.id, side])
@@ -108,7 +109,8 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
 
 
 def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:
-    """Returns the model with an effect added; unchanged if it is unknown, so that the report shows the rest."""
+    """Returns the model with an effect added. If the effect or its parameters are unknown it returns the model
+    unchanged, so that the report shows the rest."""
     try:
         return model.with_effect(effects[effect_id], **parameters)
     except (KeyError, TypeError, ValueError):
@@ -116,7 +118,8 @@ def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, par
 
 
 def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
-    """Returns the frame's scores in `split` with the largest infrared error beyond the noise floor, if known."""
+    """Returns the entry of scores["frames"] in `split` with the largest infrared error beyond the noise floor; if the
+    floor is unknown, with the largest error."""
     entries = [e for e in scores["frames"] if e["split"] == split]
     return max(
         entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0
@@ -126,7 +129,8 @@ def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
 def known_residual(
     capture: Capture, key: ImageKey, measured: Mapping[ImageKey, NDArray], expected: Mapping[ImageKey, NDArray]
 ) -> NDArray[np.float64]:
-    """Returns measured minus expected DN [height][width], NaN where the scene is unknown, which no figure counts."""
+    """Returns measured minus expected DN [height][width]. It is NaN at pixels where the scene is unknown, which no
+    figure of the report counts."""
     residual = measured[key].astype(np.float64) - expected[key]
     known = capture.known(next(f for f in capture.frames if f.id == key[0]), key[1])
     return residual if known is None else np.where(known, residual, np.nan)

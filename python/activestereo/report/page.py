@@ -81,7 +81,8 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
 
 
 def data_address(pixels: np.ndarray) -> str:
-    """Encodes uint8 [height][width][3] as a data URI of lossless WebP, about three quarters of PNG's size."""
+    """Encodes uint8 [height][width][3] as a data URI of lossless WebP, which takes about three quarters of PNG's
+    bytes."""
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="webp", lossless=True, quality=20, method=4)
     return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"

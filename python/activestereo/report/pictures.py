@@ -66,7 +66,8 @@ def matching_figure(
 
 
 class _Page:
-    """Lays out a figure in inches: title, rows of equal pictures with room for colour bars, charts."""
+    """Lays out a figure in inches: title, rows of equal pictures with room for colour bars, and charts at the
+    bottom."""
 
     WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
 
@@ -102,7 +103,8 @@ class _Page:
 
 
 def depth_span(depth: np.ndarray) -> tuple[float, float]:
-    """Returns (near, far), the 1st and 99th percentiles above 0, so that no stray pixel takes all the colours."""
+    """Returns (near, far), the 1st and 99th percentiles of the values above 0, so that one stray pixel does not take
+    all the colours."""
     valid = depth[depth > 0]
     if not valid.size:
         return 0.0, 1.0
@@ -111,7 +113,8 @@ def depth_span(depth: np.ndarray) -> tuple[float, float]:
 
 
 def colored(values: np.ndarray, span: tuple[float, float], cmap: str) -> np.ndarray:
-    """Colours positive values by a colour map, uint8 [h, w, 3]; others are dark. span: the values at its ends."""
+    """Colours positive values by a colour map, uint8 [h, w, 3]; other pixels are dark. span: the values at the map's
+    ends."""
     rgba = colormaps[cmap](Normalize(*span, clip=True)(values))[..., :3]
     rgba[~(values > 0)] = [int(_NO_DATA[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     return np.rint(255.0 * rgba).astype(np.uint8)

@@ -65,7 +65,8 @@ def screen(
 
 
 def command(*words: object, label: str = "next") -> Step:
-    """Makes a Step of a command. words: unquoted, without "activestereo"; None drops the option before it."""
+    """Makes a Step of an activestereo command. words: unquoted, without "activestereo". A word None is dropped together
+    with the option before it."""
     given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
     for word in words:
         if word is None:

@@ -99,7 +99,8 @@ def _panels(row: Figure, strip: EffectStrip) -> None:
 
 
 def strip_page(effects: Sequence[Sequence[EffectStrip]]) -> str:
-    """Returns an HTML page with a section for each effect: strips by strength, the middle one shown first."""
+    """Returns an HTML page with a section for each effect. effects: for each effect, its strips in order of strength;
+    the middle one is shown first."""
     sections = [strip_section(strips, strips[0].effect.id, "typical") for strips in effects]
     return page("What effects do to a picture", sections, ("strip.js",))
 

@@ -71,7 +71,8 @@ _NEAR_NOISE = 0.05
 
 
 def is_near_noise(scores: Mapping[str, Any]) -> bool:
-    """Returns whether the infrared error of the last split is within 5 % of its noise floor. scores: compare.json's."""
+    """Returns whether the infrared error of the last split is within 5 % of its noise floor. scores: compare.json's
+    contents."""
     values = next(reversed(scores["ir"].values()))
     return values["noise_floor_dn"] is not None and values["rmse_dn"] < (1.0 + _NEAR_NOISE) * values["noise_floor_dn"]
 
@@ -125,7 +126,8 @@ def _gain(place: Mapping[str, Any]) -> float:
 
 def _turn(table: Mapping[str, Any]) -> dict[str, Any] | None:
     """Returns the region of pixels where the covariate is below the value at which the mean error changes its sign.
-    None if there is none, or the mean makes less than half of the error. table: one covariate's bins."""
+    Returns None if the sign does not change, or the mean makes less than half of the error. table: one covariate's
+    bins."""
     bins, low = table["bins"], _PLACES[table["covariate"]][0]
     sums = [b["pixels"] * b["mean"] for b in bins]
     parts = [(sum(sums[:i]), sum(sums[i:]), i) for i in range(1, len(bins))]
@@ -201,7 +203,8 @@ def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept:
 
 
 def _depth_line(depth: dict[str, Any]) -> list[str]:
-    """Returns a line on the median difference of both disparities in the last split; none without depth."""
+    """Returns a line on the median difference of the model's and the camera's disparity in the last split; an empty
+    list without depth."""
     values = next(reversed(depth.values()), None)
     if values is None or values["median_abs_px"] is None:
         return []

@@ -127,7 +127,8 @@ def _kept_page(kept_as: str, steps: Sequence[Step], make: Callable[[Sequence[Ste
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:
-    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py. Returns their paths."""
+    """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py into the folder, made if absent.
+    Returns their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths, model = [folder / "diagnose.json"], folder / "model.json"

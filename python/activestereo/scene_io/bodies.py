@@ -32,7 +32,8 @@ class BodyPoseError(ValueError):
 
 @dataclass(frozen=True)
 class Shape:
-    """A mesh of a body. mesh, materials: numbers in the scene. to_body: 4x4 from the mesh to the body, with scale."""
+    """A mesh of a body. mesh, materials: numbers in the scene. to_body: 4x4 from the mesh's to the body's frame, scale
+    included."""
 
     mesh: int
     materials: Sequence[int] = ()
@@ -41,7 +42,8 @@ class Shape:
 
 class Bodies:
     """Rigid bodies of one scene, numbered in the order of adding. environment_count: number E of environments, which
-    share meshes and materials; each camera sees one. None: poses are [bodies, 7] or [bodies, 4, 4]."""
+    share meshes and materials; each camera sees one. None: one scene without environments, whose poses are [bodies, 7]
+    or [bodies, 4, 4]."""
 
     def __init__(self, scene: kuafu.Scene, environment_count: int | None = None) -> None:
         if environment_count is not None and environment_count < 1:
@@ -118,7 +120,8 @@ class Bodies:
         return len(self.names) - 1
 
     def remove(self, name: str) -> None:
-        """Removes a body; its meshes and materials stay. The numbers of the bodies after it fall by one."""
+        """Removes a body from the scene; its meshes and materials stay. The numbers of the bodies after it fall by
+        one."""
         body = self.index(name)
         stays = self._bodies != body
         for instance in self._instances[~stays].tolist():
@@ -169,7 +172,8 @@ class Bodies:
 
     @property
     def semantic_id_table(self) -> NDArray[np.uint32]:
-        """Returns a copy of the instances' semantic_id, by number. The last, 0, stands for all larger ones."""
+        """Returns a copy of the semantic_id of each instance, indexed by the instance's number. The last entry is 0 and
+        stands for all larger numbers."""
         return self._semantic_ids.copy()
 
     def move(self, poses: PosesLike | Mapping[str, PosesLike]) -> int:

@@ -73,7 +73,8 @@ def light_closed_room(scene: kuafu.Scene) -> None:
 
 def room_place(scene: kuafu.Scene) -> NDArray[np.float64] | None:
     """Returns the one of five positions, at half a closed room's height, that is farthest from visible surfaces; None
-    if the scene is no room. In a room surfaces are all around, and _enclosed_m3() is below half of the box."""
+    if the scene is no room. In a room surfaces are visible all around, and _enclosed_m3() is below half of the scene's
+    box."""
     low, high = np.array(scene.summary.bounds_min_m), np.array(scene.summary.bounds_max_m)
     if np.min(high - low) < _LEAST_ROOM_M:
         return None
@@ -90,7 +91,8 @@ def room_place(scene: kuafu.Scene) -> NDArray[np.float64] | None:
 
 
 def _enclosed_m3(scene: kuafu.Scene, origin: NDArray[np.float64]) -> float:
-    """Returns the volume inside the scene's surfaces, by the divergence theorem; negative if they face inwards."""
+    """Returns the volume inside the scene's surfaces, by the divergence theorem about the point `origin`. It is
+    negative for a room whose surfaces face inwards."""
     total = 0.0
     for number in range(scene.summary.instance_count):
         instance = scene.get_instance(number)
@@ -101,7 +103,8 @@ def _enclosed_m3(scene: kuafu.Scene, origin: NDArray[np.float64]) -> float:
 
 
 def _approached(scene: kuafu.Scene, view: NDArray[np.float64], least_m: float) -> NDArray[np.float64]:
-    """Returns the view, moved ahead until its middle is MIDDLE_M away at most, but not past the nearest surface."""
+    """Returns the view, moved ahead in a few steps until its middle is MIDDLE_M away at most. It stops before the
+    nearest visible surface."""
     near = view.copy()
     for _ in range(4):
         [depth] = _depths(scene, [near], _HALF_VIEW)

@@ -30,7 +30,8 @@ CAMERA_TO_WORLD = look_at(eye=(-0.02, 0.46, 0.72), target=(0.0, 0.035, -0.02), u
 
 
 def write_table_top(path: str | Path, is_matt: bool = False) -> None:
-    """Writes a .gltf or .glb file, the same bytes each time. is_matt: all is diffuse, without glass objects."""
+    """Writes the scene to a .gltf or .glb file, with the same bytes each time. is_matt: all surfaces are diffuse, and
+    glass objects are left out."""
     writer = GltfWriter("activestereo example scene")
     material = _materials(writer, is_matt)
     writer.add_mesh("table", meshes.box(1.7, 0.04, 0.95), material["wood"], (0.0, -0.04, -0.02))
@@ -54,7 +55,8 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
 
 
 def _materials(writer: GltfWriter, is_matt: bool) -> dict[str, int]:
-    """Adds all materials: {name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850 nm."""
+    """Adds all materials and returns {name: index}. ir_albedo is the diffuse albedo (a metal's reflectance) at 850
+    nm."""
     table = {  # colour, roughness, metallic, ir_albedo; roughness None: Lambertian
         "wood": ((1.0, 1.0, 1.0), 0.65, 0.0, 0.52),
         "wall": ((0.62, 0.66, 0.68), None, 0.0, 0.60),

@@ -30,7 +30,8 @@ class GltfWriter:
         }
 
     def set_extras(self, **fields: Any) -> None:
-        """Replaces the asset's `extras` by these fields, for facts that glTF cannot express and this project reads."""
+        """Replaces the asset's `extras` by these fields (JSON values), for facts that glTF cannot express and this
+        project's programs read."""
         self._json["asset"]["extras"] = fields
 
     def add_material(self, name: str, **fields: Any) -> int:
@@ -62,7 +63,8 @@ class GltfWriter:
         self.place(name, self.add_shape(name, mesh, material), local_to_world)
 
     def add_shape(self, name: str, mesh: Mesh, material: int, colors: np.ndarray | None = None) -> int:
-        """Adds a mesh and returns its index for place(). colors: linear RGBA of the vertices, float32 [n, 4]."""
+        """Adds a mesh without a node and returns its index, from which place() makes nodes. colors: linear RGBA of the
+        vertices, float32 [n, 4]."""
         attributes = {
             "POSITION": self._accessor(mesh.positions, "VEC3", bounds=True),
             "NORMAL": self._accessor(mesh.normals, "VEC3"),
@@ -81,7 +83,8 @@ class GltfWriter:
     def add_point_light(
         self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float, **extras: Any
     ) -> None:
-        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: for kuafu's importer."""
+        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: the light's `extras`, for kuafu's
+        importer."""
         self._light(name, {"type": "point"}, color, intensity, extras, translation=list(translation))
 
     def add_directional_light(
@@ -111,7 +114,8 @@ class GltfWriter:
         self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
-        """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward). vertical_fov: radians."""
+        """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward), converted to glTF's (y up,
+        looking along -z). vertical_fov: radians."""
         perspective = {"yfov": vertical_fov, "aspectRatio": aspect_ratio, "znear": 0.01}
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
@@ -122,7 +126,8 @@ class GltfWriter:
         return self._json, bytes(self._bytes)
 
     def write(self, path: str | Path) -> None:
-        """Writes a .gltf file with the buffer inside, or a .glb file. Raises ValueError for another suffix."""
+        """Writes a .gltf file, with the buffer inside as base64, or a .glb file. Raises ValueError for another
+        suffix."""
         suffix = str(path).lower().rsplit(".", 1)[-1]
         if suffix not in ("gltf", "glb"):
             raise ValueError(f"{path}: a scene file ends in .gltf or .glb")

@@ -35,15 +35,17 @@ def joined(parts: Sequence[Mesh]) -> Mesh:
 
 
 def grid(rows: int, columns: int) -> np.ndarray:
-    """Returns triangles [t, 3] of a grid of vertices, counter-clockwise when columns go right and rows go up."""
+    """Returns triangles [t, 3] of a rows x columns grid of vertices, counter-clockwise when columns go right and rows
+    go up."""
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     a, b, c, d = first, first + 1, first + columns, first + columns + 1
     return np.vstack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
 
 
 def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray | None = None) -> np.ndarray:
-    """Connects neighbouring pixels of a depth image [height, width] (0 = none) to triangles [t, 3] of pixels. A
-    triangle's depths differ by less than `largest_step` times the least. wanted: mask; a triangle has one."""
+    """Connects neighbouring pixels of a depth image [height, width] (0 = none) to triangles [t, 3] of pixel numbers.
+    The depths of a triangle differ by less than `largest_step` times its least depth. wanted: mask of pixels; each
+    triangle has at least one."""
     number = np.arange(depth.size).reshape(depth.shape)
     a, b, c, d = np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, :-1], np.s_[1:, 1:]
     faces = []
@@ -57,7 +59,8 @@ def depth_triangles(depth: np.ndarray, largest_step: float, wanted: np.ndarray |
 
 
 def sheet(origin: ArrayLike, side_u: ArrayLike, side_v: ArrayLike) -> Mesh:
-    """Makes a parallelogram of a corner and two sides. It faces along cross(side_u, side_v); side_v is up."""
+    """Makes a parallelogram from a corner and two sides. Its front faces along cross(side_u, side_v); the texture is
+    upright with side_v up."""
     origin, side_u, side_v = (np.asarray(v, dtype=np.float64) for v in (origin, side_u, side_v))
     normal = np.cross(side_u, side_v)
     normal /= np.linalg.norm(normal)
@@ -102,7 +105,8 @@ def lathe(profiles: Sequence[ArrayLike], segments: int = 96) -> Mesh:
 
 
 def arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float, points: int = 24) -> np.ndarray:
-    """Returns points [n, 2] (radius, height) on a circle's arc, for lathe(). 0 degrees points outwards, 90 up."""
+    """Returns points [n, 2] (radius, height) on a circle's arc, as a profile for lathe(). 0 degrees points outwards, 90
+    up."""
     angle = np.deg2rad(np.linspace(start_deg, end_deg, points))
     return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
 
@@ -120,7 +124,8 @@ def torus(ring_radius: float, tube_radius: float) -> Mesh:
 
 
 def tumbler(radius: float, height: float, wall: float, base: float) -> Mesh:
-    """Makes a straight drinking glass, closed: outer wall, round rim, inner wall, thick base. It stands on y = 0."""
+    """Makes a straight drinking glass as a closed surface: outer wall, round rim, inner wall, thick base. It stands on
+    y = 0."""
     rim = arc((radius - 0.5 * wall, height - 0.5 * wall), 0.5 * wall, 0.0, 180.0, 13)
     foot = arc((radius - 0.004, 0.004), 0.004, -90.0, 0.0, 9)
     inside = arc((radius - wall - 0.006, base + 0.006), 0.006, 0.0, -90.0, 9)

@@ -89,7 +89,8 @@ def _shaded(
     points: NDArray[np.float64], faces: NDArray[np.integer[Any]], uvs: NDArray[np.float32] | None = None
 ) -> Mesh:
     """Makes a Mesh with smooth normals and a vertex for each triangle corner. Faces at a vertex share a normal if the
-    angle between them is below CREASE_DEG: a cylinder's rim is sharp. points: [n, 3]. faces: [t, 3]. uvs: [n, 2]."""
+    angle between them is below CREASE_DEG: a cylinder's side is smooth and its rim sharp. points: [n, 3]. faces: [t,
+    3]. uvs: [n, 2]."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     joined = same.reshape(-1)[faces]
     edges = points[faces]

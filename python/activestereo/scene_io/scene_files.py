@@ -25,7 +25,8 @@ def load_scene_file(
 ) -> tuple[float, float, float] | None:
     """Adds a scene file to the scene, at time `time_s` of its animations. unit_m: metres in a unit of the file, such as
     0.001 for a file in millimetres. Returns the radiance of a USD stage's dome light, W/(sr m^2), which the caller must
-    set, or None without one. Raises UsdError, a ValueError of one line, and Scene.load's errors."""
+    set, or None without one. Raises UsdError, a ValueError of one line with the file and the remedy, and the errors of
+    Scene.load."""
     if is_usd(path):
         return load_usd(scene, path, time_s, unit_m).ambient
     scene.load(path, np.diag([unit_m, unit_m, unit_m, 1.0]), time_s=time_s)

@@ -42,7 +42,8 @@ def cylinder() -> Mesh:
 
 @cache
 def capsule(radius_m: float, half_length_m: float) -> Mesh:
-    """Returns a capsule of final size; scaling would distort its ends. half_length_m: of the cylinder between them."""
+    """Returns a capsule of final size, because scaling would distort its ends. half_length_m: half the length of the
+    cylinder between its half spheres."""
     profile = np.vstack(
         [meshes.arc((0.0, -half_length_m), radius_m, -90.0, 0.0), meshes.arc((0.0, half_length_m), radius_m, 0.0, 90.0)]
     )

@@ -40,7 +40,8 @@ INFRARED_SHARES = {
 
 
 def infrared_share(kind: str) -> float:
-    """Returns the infrared share of a kind of lamp, or the text's number. Raises ValueError with the known kinds."""
+    """Returns the infrared share of a kind of lamp, or the number in the text. Raises ValueError with the known
+    kinds."""
     try:
         share = INFRARED_SHARES[kind] if kind in INFRARED_SHARES else float(kind)
     except ValueError:
@@ -70,7 +71,8 @@ LAMPS, SURFACES, ALL_SIDES = 0, 1, 2
 
 
 def part_light(scene: kuafu.Scene) -> None:
-    """Puts emissive surfaces into the light group SURFACES. The caller sets the group of light from all sides."""
+    """Puts the light of emissive surfaces into the group SURFACES, so that renders can tell it from other lights. The
+    caller sets the group of light from all sides."""
     for number in range(scene.summary.material_count):
         material = scene.get_material(number)
         if any(material.emission) or material.ir_emission:
@@ -79,7 +81,8 @@ def part_light(scene: kuafu.Scene) -> None:
 
 
 def room_radiance(scene: kuafu.Scene) -> float:
-    """Returns the default radiance from all sides, W/(sr m^2): a room's walls if there are lamps, else an office."""
+    """Returns the default visible radiance from all sides, W/(sr m^2): light from a room's walls if the scene has
+    lamps, else the light of an office."""
     return ROOM_RADIANCE if has_lamps(scene) else float(ROOM_WITHOUT_LAMPS)
 
 
@@ -101,7 +104,8 @@ class EnvironmentMapError(ValueError):
 
 
 def read_environment_map(path: str | Path) -> np.ndarray:
-    """Reads an equirectangular image as linear RGB radiance, float32 [height, width, 3]. Raises EnvironmentMapError."""
+    """Reads an equirectangular image, twice as wide as high, as linear RGB radiance, float32 [height, width, 3]. Raises
+    EnvironmentMapError."""
     path = Path(path)
     if not path.exists():
         raise EnvironmentMapError(f"{path}: there is no such file")
@@ -132,6 +136,7 @@ def read_environment_map(path: str | Path) -> np.ndarray:
 
 
 def set_environment_map(scene: kuafu.Scene, path: str | Path, scale: float = 1.0) -> None:
-    """Lights a scene by an environment map times `scale`, in light group ALL_SIDES. Raises EnvironmentMapError."""
+    """Lights a scene with y up by an environment map file, times `scale`, in the light group ALL_SIDES. Raises
+    EnvironmentMapError."""
     texture = scene.add_texture(read_environment_map(path), name=Path(path).name)
     scene.set_environment((scale, scale, scale), texture=texture, map_to_world=MAP_TO_Y_UP, light_group=ALL_SIDES)

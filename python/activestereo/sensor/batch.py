@@ -80,7 +80,8 @@ class StereoDepthSensorBatch(SensorResults):
         raise_broken(broken, self.shape)
 
     def render_true_depth(self) -> NDArray[np.float32]:
-        """Renders depth float32 [..., height, width], metres, of the scene as it is now. Takes no picture."""
+        """Renders depth float32 [..., height, width], metres, as get_true_depth() gives it, for the present scene and
+        mounts. Takes no picture."""
         broken = self._places.read()
         depth = self._engine.render_true_depth(self._places.rigs())
         raise_broken(broken, self.shape)

@@ -164,7 +164,8 @@ if TYPE_CHECKING:
 
 
 def cuda_tensor(array: CudaArray) -> torch.Tensor:
-    """Returns a torch tensor over the array's memory. Call wait_for() after work with it, before the next picture."""
+    """Returns a torch tensor over the array's memory. Call wait_for() after torch's work with it, before the next
+    picture or depth overwrites the memory."""
     return _torch().as_tensor(array, device=f"cuda:{array.ordinal}")
 
 
@@ -227,7 +228,8 @@ class CudaMap:
 
 
 class CudaMaps:
-    """Computes the depth engine's maps into CUDA memory, one allocation each, which every picture overwrites."""
+    """Computes the depth engine's maps into CUDA memory: one allocation for each map, which every picture
+    overwrites."""
 
     def __init__(self, device: simsense.Device) -> None:
         self._device = device

@@ -51,7 +51,8 @@ _TEXTURE_WINDOW, _TEXTURE_LEVELS = 7, 4.0
 
 
 def gaussian(depth: Depth, sigma_m_at_1_m: float, random: np.random.Generator) -> Depth:
-    """Returns depth with Gaussian noise whose deviation grows with the square of the depth. sigma_m_at_1_m: at 1 m."""
+    """Returns depth with Gaussian noise whose standard deviation grows with the square of the depth. sigma_m_at_1_m:
+    its value at 1 m."""
     noise = random.standard_normal(depth.shape, np.float32)
     return np.where(depth > 0, depth + np.float32(sigma_m_at_1_m) * depth**2 * noise, 0.0).astype(np.float32)
 
@@ -116,8 +117,9 @@ def one_view_depth(
 @dataclass(frozen=True)
 class IsaacSettings:
     """Settings of isaac(). The defaults are those of Isaac Sim's single-view depth sensor (ovrtx 0.7.0,
-    sensors/visual/depth_camera; a user's note on Isaac Sim 6.0.1). step_px is its noiseMean. needs_texture: drop pixels
-    of low local contrast, as its confidence of 0.70 drops an untextured wall at 1 m; its formula is not published."""
+    sensors/visual/depth_camera; numbers from a user's note on Isaac Sim 6.0.1). step_px is its noiseMean.
+    needs_texture: drop pixels of low local contrast, as its confidence of 0.70 drops an untextured wall at 1 m; its
+    formula is not published."""
 
     step_px: float = 0.25
     sigma_px: float = 0.25
@@ -151,7 +153,8 @@ def isaac(
 def _places(
     shape: tuple[int, ...], sigma_px: float, random: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (rows, columns) of a random point near each pixel, [E, height, width]. sigma_px: its deviation."""
+    """Returns (rows, columns), in pixels, of a random point near each pixel of images of this shape, [E, height,
+    width]. sigma_px: standard deviation of its offset."""
     count, height, width = shape
     row, column = (random.normal(0.0, sigma_px, shape) for _ in range(2))
     row += np.arange(height)[:, None]
@@ -178,7 +181,8 @@ def _agreeing(disparity: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _rounded(depth: Depth, focal_baseline_px_m: float, jitter_px: NDArray[np.float64], step_px: float) -> Depth:
-    """Converts depth to disparity, adds jitter_px, rounds to steps of step_px, and converts back."""
+    """Converts depth to disparity, adds jitter_px, rounds to whole steps of step_px, and converts back.
+    focal_baseline_px_m: focal length, px, times baseline, m."""
     with np.errstate(divide="ignore", invalid="ignore"):
         disparity = np.rint((focal_baseline_px_m / depth + jitter_px) / step_px) * step_px
         return np.where((depth > 0) & (disparity > 0), focal_baseline_px_m / disparity, 0.0).astype(np.float32)
@@ -213,7 +217,8 @@ class DepthCamera:
         self.sensors.restart(seed)
 
     def take_depth(self) -> NDArray[np.float32]:
-        """Measures the scene now. Returns float32 [E, height, width], metres in the RGB camera, 0 = no measurement."""
+        """Measures the scene as it is now. Returns float32 [E, height, width], metres in the RGB camera, 0 = no
+        measurement."""
         if self.mode in ("raster", "full"):
             self.sensors.take_picture(infrared_only=True)
             self.sensors.compute_depth()

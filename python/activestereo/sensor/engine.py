@@ -143,7 +143,8 @@ class SensorEngine:
         return self._picture
 
     def rgb_picture(self) -> PictureMemory:
-        """Returns the memory of the newest RGB images. Raises RuntimeError if there are none."""
+        """Returns the memory of the newest RGB images, perhaps of an earlier picture. Raises RuntimeError if there are
+        none."""
         if not self.picture().has_rgb:
             raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
         return self._picture.rgb
@@ -154,12 +155,14 @@ class SensorEngine:
         return image.reshape(*self.shape, *image.shape[1:])
 
     def light(self) -> NDArray[np.float32]:
-        """Returns radiance at the imagers, left then right, float32 [2, *shape, height, width] W/(sr m^2)."""
+        """Returns the current pictures' radiance at the imagers, left then right, float32 [2, *shape, height, width]
+        W/(sr m^2)."""
         images = self.picture().link.images()
         return images.reshape(2, *self.shape, *images.shape[1:])
 
     def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Renders depth float32 [*shape, height, width], metres in the RGB cameras, now. Takes no picture."""
+        """Renders depth float32 [*shape, height, width], metres in the RGB cameras, of the scene as it is now. Takes no
+        picture."""
         seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
         return depth.reshape(*self.shape, *depth.shape[1:3])
@@ -189,7 +192,8 @@ class SensorEngine:
         self._keep_times("depth", self.matcher)
 
     def compute(self, outputs: Any) -> dict[str, NDArray[Any]]:
-        """Computes {name: map} of the pictures. outputs: names such as 'disparity', or {name: array to fill}."""
+        """Computes {name: map} of the current pictures by the depth engine. outputs: names such as 'disparity', or
+        {name: array to write into}."""
         picture = self._picture
         taken = picture.taken or Taken()
         self._set_signals(picture.signals)  # those of the picture, not of a setting for the next
@@ -230,12 +234,14 @@ class SensorEngine:
         self._set_signals(self.rig.signals())
 
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
-        """Sets the sensor's temperature and seconds since switched on, for effects. Maps of matched pictures stay."""
+        """Sets the sensor's temperature and the seconds since it was switched on, on which effects may depend. Maps of
+        matched pictures keep their values."""
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
-        """Drops the pictures, numbers the next 0, and seeds render and noise. noise_seeds: each sensor's, or `seed`."""
+        """Drops the current pictures, numbers the next ones 0, and seeds render and noise. noise_seeds: a noise seed
+        for each sensor; None: all use `seed`."""
         self._noise_seeds = noise_seeds
         self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
         self.matcher.set_parameters(noise_seed=seed)
@@ -261,7 +267,8 @@ class SensorEngine:
     def _render(
         self, group: str, cameras: list[kuafu.Camera], targets: Any, taken: Taken, progress: Any, seen: dict[str, Any]
     ) -> None:
-        """Renders cameras into targets, {output: image}. group: 'rgb' or 'ir'. seen: their own arguments."""
+        """Renders the cameras into targets, {output: image}. group: 'rgb' or 'ir'. seen: render()'s arguments for these
+        cameras alone."""
         options = self._settings(targets, taken.frame) | seen
         self._renderer.render(self.scene, cameras, targets, progress=progress, **options)
         self._keep_times(group, self._renderer)

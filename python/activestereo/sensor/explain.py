@@ -38,7 +38,8 @@ class LightShare:
 
 
 def light_share(sensor: StereoDepthSensor) -> LightShare | None:
-    """Measures LightShare by a render of few samples; None if the picture shows no surface or no infrared light."""
+    """Measures LightShare by a render with few samples and separate outputs for each group of lights. Returns None if
+    the picture shows no surface or no infrared light."""
     has_projector = sensor.get_config().light_pattern is not None
     names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
@@ -72,7 +73,8 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
 
 
 def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]]) -> tuple[str, float]:
-    """Returns (name, share of the group's light) of a group's brightest light, by unshadowed irradiance at `point`."""
+    """Returns (name, share of the group's light) of the brightest light in a group, by its unshadowed irradiance at
+    `point`."""
     if group == ALL_SIDES:
         return "the light from all sides", 1.0
     if group == SURFACES:
@@ -89,7 +91,8 @@ def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]])
 
 
 def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
-    """Returns the first `count` records of get(number), without removed ones, such as a model's lights."""
+    """Returns the first `count` records of get(number). Skips numbers whose record was removed, such as a model's
+    lights."""
     out: list[_Record] = []
     number = 0
     while len(out) < count:
@@ -102,7 +105,8 @@ def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
 
 
 def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
-    """Returns a light's infrared irradiance, W/m^2, at `point`, facing it, before the camera's ir_ambient_scale."""
+    """Returns a light's infrared irradiance, W/m^2, at `point` on a surface facing it, before the camera's
+    ir_ambient_scale."""
     pose = np.asarray(light.light_to_world)
     level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
     if light.kind == "directional":
@@ -128,7 +132,8 @@ _NOWHERE = "hidden behind others, transparent, or smaller than a pixel"
 
 
 def unseen_bodies(sensor: StereoDepthSensor) -> list[tuple[str, str]]:
-    """Returns (body, reason) for each body that no pixel shows within range, in the scene's order."""
+    """Returns (body, reason) for each body that no pixel of the RGB picture shows within the sensor's range, in the
+    scene's order."""
     config, scene = sensor.get_config(), sensor.scene
     ids, depth = sensor.get_instance_ids(), sensor.get_true_depth()
     out: dict[int, str] = {}

@@ -34,7 +34,8 @@ _IMAGES = ("ir_left", "ir_right", "rectified_left", "rectified_right")
 
 
 def as_matcher(given: MatcherLike, engine: simsense.Engine) -> Matcher | None:
-    """Returns the Matcher `given`, None: simsense's. engine: sets up OpenCV's. Raises ValueError with the choices."""
+    """Returns the Matcher that `given` names, or None for simsense's own. engine: its parameters set up OpenCV's
+    matcher. Raises ValueError, which lists the choices."""
     if callable(given):
         return given
     if given == "simsense":

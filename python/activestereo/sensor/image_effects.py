@@ -36,7 +36,8 @@ class ModelCostWarning(UserWarning):
 
 class ImageEffects:
     """Applies to a StereoDepthSensor's images those effects that neither renderer nor depth engine computes. effects:
-    pairs (Effect, {parameter: value}). make_light: whether on_light() makes the infrared pair in place of rendering."""
+    pairs (Effect, {parameter: value}). make_light: whether on_light() computes the infrared pair, so that SensorEngine
+    need not render it."""
 
     def __init__(self, sensor: Any, effects: Sequence[tuple[Effect, dict[str, float]]]) -> None:
         self._sensor = sensor
@@ -143,7 +144,8 @@ class ImageEffects:
 
 def _light(seen: Pictures, power: float, ambient: float) -> Light:
     """Returns one camera's light, scaled to a projector of 1 W/sr and an ambient radiance of 1 W/(sr m^2). seen:
-    kuafu's images at `power` and `ambient`. Light.flat is the projector's direct light on Lambertian surfaces."""
+    kuafu's images, rendered with `power` and `ambient` in these units. Light.flat is the projector's direct light on
+    Lambertian surfaces."""
     picture = {name: image[..., 0].astype(np.float64) for name, image in seen.items()}
     room = picture["ambient"] / ambient
     if power == 0.0:

@@ -37,7 +37,8 @@ class Maps:
         self._has_begun = True
 
     def complete(self) -> None:
-        """Computes a matched picture's other maps, before the depth engine's parameters change."""
+        """Computes the maps of a matched picture that are not cached yet. Call it before the depth engine's parameters
+        change, so that all maps of a picture have the same ones."""
         names = ("disparity", "ir_left", "ir_right", *self._engine.plan.config.depth_maps)
         missing = [name for name in names if name not in self._found]
         if self._has_begun and missing:

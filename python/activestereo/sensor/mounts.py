@@ -20,7 +20,8 @@ _MOST_NAMED = 8
 
 
 class HasPose(Protocol):
-    """An object with a scene and a pose in it, which a sensor follows: a Mount, or MujocoScene.mount()'s result."""
+    """An object with a scene and a pose in it, which one sensor follows: a Mount, or the result of MujocoScene.mount()
+    of activestereo.integrations.mujoco."""
 
     @property
     def scene(self) -> kuafu.Scene: ...
@@ -45,7 +46,8 @@ class Mount:
 
 
 class RigPlace:
-    """Computes a sensor's pose in the scene from its mount's and `local`, its pose relative to the mount."""
+    """Computes a sensor's pose in the scene from its mount's pose and `local`, the sensor's pose relative to the
+    mount."""
 
     def __init__(self, mount: HasPose, local: Pose) -> None:
         self._mount, self.local = mount, local
@@ -56,7 +58,8 @@ class RigPlace:
         return Pose(as_matrix(self._mount.pose) @ as_matrix(self.local))
 
     def matrix(self) -> NDArray[np.float64]:
-        """Returns pose() as a read-only 4x4. It is cached until mount or local pose moves: its checks are slow."""
+        """Returns pose() as a read-only 4x4. It is cached until the mount or the local pose moves, because its checks
+        are slow."""
         mount, local = as_matrix(self._mount.pose), as_matrix(self.local)
         parts = mount.tobytes() + local.tobytes()
         if parts != self._parts:
@@ -84,7 +87,8 @@ def as_mount(scene_or_mount: kuafu.Scene | HasPose | str | PathLike[str], device
 
 
 class SensorPoseError(ValueError):
-    """A mount of a batch has no valid pose. Its sensors take their pictures from their last valid pose."""
+    """A mount of a batch has no valid pose. All pictures are taken; sensors on this mount take theirs from their last
+    valid pose."""
 
     def __init__(self, text: str, environments: list[int]) -> None:
         super().__init__(text)
@@ -112,7 +116,8 @@ class Mounts:
 
 
 class Places:
-    """Keeps a batch's last valid mount poses, for the RGB cameras' poses. pose: 4x4, relative to the mount."""
+    """Keeps the last valid poses of a batch's mounts, and computes the RGB cameras' poses from them. pose: 4x4, the RGB
+    camera relative to its mount."""
 
     def __init__(self, mounts: HasPoses, pose: NDArray[np.float64]) -> None:
         if not isinstance(getattr(mounts, "scene", None), kuafu.Scene):
@@ -125,7 +130,8 @@ class Places:
         self.matrices = np.broadcast_to(np.eye(4), (int(np.prod(self.shape)), 4, 4)).copy()
 
     def read(self) -> NDArray[np.bool_]:
-        """Reads the mounts' poses. Returns a mask [sensors] of mounts without valid pose, which keep their last."""
+        """Reads the mounts' poses. Returns a mask [sensors], true where a mount has no valid pose; such a sensor keeps
+        its last valid pose."""
         poses = pose_matrices(host_array(self._mounts.poses), "poses of sensors")
         if poses.shape[:-2] != self.shape:
             raise ValueError(f"this batch is of {self.shape} sensors; the poses are of {poses.shape[:-2]}")
@@ -140,7 +146,8 @@ class Places:
 
 
 def raise_broken(broken: NDArray[np.bool_], shape: tuple[int, ...]) -> None:
-    """Raises SensorPoseError if a sensor of a batch has no pose. broken: mask [sensors]; shape: (E,) or (E, S)."""
+    """Raises SensorPoseError if any sensor of a batch has no pose. broken: mask [sensors]; shape: the batch's, (E,) or
+    (E, S)."""
     if broken.any():
         places = np.argwhere(broken.reshape(shape))
         named = "; environment ".join(", sensor ".join(map(str, place)) for place in places[:_MOST_NAMED].tolist())

@@ -73,7 +73,8 @@ class IrLink:
         return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
-        """Returns compute()'s arguments for the projector's light, which has speckle; {}, if all light has."""
+        """Returns simsense.Engine.compute()'s arguments for the projector's light, which has speckle. Without
+        is_laser_apart it is {}: then all light has speckle."""
         return {"left_laser": self.laser().left, "right_laser": self.laser().right} if is_laser_apart else {}
 
     def images(self, count: int | None = None, first: int = 0) -> np.ndarray:
@@ -91,7 +92,8 @@ class IrLink:
             self._source.write(images)
 
     def brighten(self, factors: np.ndarray) -> None:
-        """Multiplies both images of each pair by the pair's factor, float32 [count]. A GPU's are changed in pieces."""
+        """Multiplies both images of each pair by the pair's factor, float32 [count]. Images in a GPU's own memory are
+        changed in pieces that fit into the processor's cache."""
         for_views = np.tile(factors, 2)[:, None, None]
         at_once = max(1, _CACHED_BYTES // self._image_bytes) if self._is_on_gpu else len(for_views)
         for first in range(0, len(for_views), at_once):
@@ -170,7 +172,8 @@ class PictureMemory:
         self._read: dict[str, NDArray[Any]] = {}
 
     def forget(self) -> None:
-        """Drops the host copies of the last picture, so that read() copies the next one; for before a render."""
+        """Drops the host copies of the last picture, so that read() copies the next one. Call it before a render into
+        `targets`."""
         for name in self._on_device & self._read.keys():
             image = self.targets[name]
             self.targets[name] = kuafu.Buffer(self._device, image.buffer.size_bytes).image(image.dtype, image.shape)
@@ -185,7 +188,8 @@ class PictureMemory:
         return self._read[name]
 
     def cuda(self, name: str, shape: tuple[int, ...]) -> CudaArray:
-        """Returns one output of the last picture in CUDA memory with this shape; the next picture overwrites it."""
+        """Returns one output of the last picture in CUDA memory with this shape, without a copy; the next picture
+        overwrites it."""
         return self._cuda[name].array(self.targets[name].dtype, shape)
 
 

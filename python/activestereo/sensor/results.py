@@ -56,7 +56,8 @@ _LENSES = {4: "kannala_brandt", 5: "brown_conrady", 8: "rational"}
 
 
 def cameras_json(config: StereoDepthSensorConfig, rgb_to_world: NDArray[np.float64]) -> dict[str, Any]:
-    """Returns the contents of camera.json of `simulate`. rgb_to_world: 4x4, from the RGB camera to the scene."""
+    """Returns the contents of the file camera.json that `simulate` writes. rgb_to_world: 4x4, from the RGB camera's
+    axes to the scene's, metres."""
     cameras = {}
     for name in CAMERAS:
         camera = camera_info(config, name)
@@ -142,7 +143,8 @@ class SensorResults(ABC):
         return np.broadcast_to(k, (*leading, 3, 3)).copy()
 
     def get_extrinsics(self, camera: str = "rgb") -> NDArray[np.float64]:
-        """Returns the camera's present pose, [..., 4, 4], from its axes (x right, y down, z forward) to the scene's."""
+        """Returns the camera's calibrated pose at the mount's present pose, [..., 4, 4] from its axes (x right, y down,
+        z forward) to the scene's, metres."""
         return self._poses() @ camera_to_world(Pose()) @ self.camera_info(camera).camera_to_rgb
 
     @computed_once
@@ -181,7 +183,8 @@ class SensorResults(ABC):
         return self._engine.rgb_output("srgb")
 
     def get_rgb(self) -> NDArray[np.float32]:
-        """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. The host computes it."""
+        """Returns float32 [..., height, width, 3] in 0..1, as get_rgba8() without rounding. The host computes it, from
+        a copy three times as large."""
         radiance = self._engine.rgb_output("radiance")
         return srgb(radiance, self._engine.plan.config.rgb_exposure or rgb_exposure(radiance))
 
@@ -190,11 +193,13 @@ class SensorResults(ABC):
         return self._engine.rgb_output("depth")[..., 0]
 
     def get_material_ids(self) -> NDArray[np.uint32]:
-        """Returns uint32 material ids in the RGB camera, for scene.material_name(); 0xffffffff = nothing there."""
+        """Returns uint32 material ids in the RGB camera; scene.material_name() names them, 0xffffffff = nothing
+        there."""
         return self._engine.rgb_output("material_id")[..., 0]
 
     def get_instance_ids(self) -> NDArray[np.uint32]:
-        """Returns uint32 instance ids in the RGB camera, for scene.instance_name(); 0xffffffff = nothing there."""
+        """Returns uint32 instance ids in the RGB camera; scene.instance_name() names them, 0xffffffff = nothing
+        there."""
         return self._engine.rgb_output("instance_id")[..., 0]
 
     def _check_depth_map(self, name: str) -> None:

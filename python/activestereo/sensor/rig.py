@@ -117,7 +117,8 @@ class Rig:
             self._standing.append(self._scene.add_light(light))
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches on the lights that move with RGB cameras at these poses: [sensors, 4, 4], body axes."""
+        """Switches on the lights that move with the sensors, placed for RGB cameras at these poses: [sensors, 4, 4],
+        body axes."""
         for one in self._on_rig:
             shares = self.laser_power.tolist() if one.is_laser else [1.0] * len(rigs)
             for record, place, share in zip(one.records, rigs @ one.on_rig, shares, strict=True):
@@ -188,7 +189,8 @@ class RigInputs:
         self._inputs: EngineInputs | None = self._compute_inputs()
 
     def inputs(self) -> EngineInputs:
-        """Returns renderer's and depth engine's parameters under the model and conditions, RGB camera at the origin."""
+        """Returns the parameters of renderer and depth engine under the model, with the RGB camera at the origin.
+        Recomputes them after a change of sensor or conditions."""
         if self._inputs is None:
             inputs = self._compute_inputs()
             if not self._is_closed:
@@ -197,7 +199,8 @@ class RigInputs:
         return self._inputs
 
     def enter(self) -> None:
-        """Puts the sensors' projectors, lights and cameras into the scene. If one fails, removes all and raises."""
+        """Puts the sensors' projectors, lights and cameras into the scene. If one fails, removes all of them again and
+        raises."""
         try:
             self._enter_scene(self.inputs())
         except BaseException:
@@ -235,31 +238,36 @@ class RigInputs:
         return self._rgb_cameras
 
     def visible(self) -> dict[str, Any]:
-        """Returns kuafu.Renderer.render's arguments for the RGB cameras alone: band, environments, optics."""
+        """Returns the arguments of kuafu.Renderer.render that hold for the RGB cameras alone: band, environments,
+        optics."""
         return {"band": "visible", "environments": self.environments, "optics": self.plan.config.rgb_optics}
 
     def infrared(self, side: int | None = None) -> dict[str, Any]:
-        """Returns kuafu.Renderer.render's arguments of the infrared cameras. side: 0 (left), 1 (right), None: both."""
+        """Returns the arguments of kuafu.Renderer.render that hold for the infrared cameras alone: band, environments,
+        optics. side: 0 (left) or 1 (right); None: both."""
         sides = self.inputs().sides if side is None else [self.inputs().sides[side]]
         seen = [LATER if one.delay_s else environment for one in sides for environment in self.environments]
         optics = [one.optics for one in sides for _ in self.environments]
         return {"band": "infrared", "environments": seen, "optics": optics}
 
     def shine(self, rigs: NDArray[np.float64]) -> None:
-        """Switches on projectors and moving lights. rigs: the RGB cameras' poses, [sensors, 4, 4], body axes."""
+        """Switches on the projectors and the model's lights that move with the sensors. rigs: the RGB cameras' poses,
+        [sensors, 4, 4], body axes."""
         self._rigs = rigs
         self.inputs()
         self.in_scene.shine(rigs)
 
     def darken(self) -> None:
-        """Switches off shine()'s lights, which other sensors must not see, unless the projector is always on."""
+        """Switches off the lights that shine() switched on, so that other sensors do not see them. Does nothing if the
+        projector is always on."""
         if not self.plan.config.projector_always_on:
             self.in_scene.darken()
 
     # ---- settings between pictures ----
 
     def begin(self, frame: int) -> EngineInputs:
-        """Returns the inputs for picture number `frame`, which differ if the laser's power alternates."""
+        """Returns the inputs for picture number `frame`. They differ between pictures if the laser's power
+        alternates."""
         self._frame = frame
         if len(set(self.plan.laser_w_sr)) > 1:
             self._inputs = None
@@ -269,7 +277,8 @@ class RigInputs:
         self.plan, self._inputs = plan, None
 
     def set_exposure(self, setting: Setting) -> None:
-        """Sets exposure and gain. Recomputes inputs if effects or a scene measurement may depend on them."""
+        """Sets exposure and gain. Recomputes all inputs if there are effects or a scene measurement, which may depend
+        on the exposure."""
         if setting == self.setting:
             return
         self.setting = setting
@@ -306,7 +315,8 @@ class RigInputs:
             self.in_scene.shine(self._rigs)
 
     def _compute_inputs(self) -> EngineInputs:
-        """Computes inputs and cameras under the model. Raises ValueError for effects without support."""
+        """Computes the inputs under the model, and the cameras from them. Raises ValueError for effects that these
+        sensors do not support."""
         # 1. The inputs without effects.
         plan, exposure_s, laser_w_sr = self.plan, self.setting.exposure_s, self.plan.laser_w_sr[self._frame % 2]
         temperature_c, time_s = self._conditions
@@ -360,7 +370,8 @@ class RigInputs:
         return signal if temperature_c is None else signal | {"temperature_c": temperature_c}
 
     def _twist_of(self, name: str) -> NDArray[np.float64]:
-        """Returns [2, 3], linear and angular velocity (m/s, rad/s) of a part, such as "rgb", in its camera axes."""
+        """Returns [2, 3], linear and angular velocity (m/s, rad/s) of a part of the rig, such as "rgb", in its own
+        camera axes."""
         if not np.any(self.twist):  # the usual case; automatic exposure asks at each picture
             return np.zeros((2, 3))
         return carried_twist(self.plan.left_to[name], self.twist).reshape(2, 3)

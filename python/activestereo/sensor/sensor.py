@@ -95,7 +95,8 @@ class StereoDepthSensor(SensorResults):
     def compute_depth(self, maps: Sequence[str] = ()) -> None:
         """Applies noise to the last picture, matches it and registers the depth to the RGB camera. The same picture
         gives the same depth. Computes maps that were read for an earlier picture, and the named ones: 'disparity',
-        'ir_left', 'ir_right' and the config's depth_maps. Reading others matches again."""
+        'ir_left', 'ir_right' and the config's depth_maps. Others are computed when they are first read, which matches
+        again."""
         self._engine.match(maps)
 
     def compute_depth_from(
@@ -112,7 +113,8 @@ class StereoDepthSensor(SensorResults):
     # ---- results ----
 
     def get_ir(self) -> list[NDArray[np.float32]]:
-        """Returns [left, right], float32 [height, width] in 0..1: counts of linear imagers without noise."""
+        """Returns [left, right], float32 [height, width] in 0..1: the counts, over full scale, that linear imagers
+        without noise and dark current would give."""
         light, signals = self._engine.light(), self._engine.picture().signals
         return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
 
@@ -126,7 +128,8 @@ class StereoDepthSensor(SensorResults):
         return super().get_depth_map(name)
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """Returns the measured points, float32 [n, 3], metres in the RGB camera; with_rgb: [n, 6], colours 0..1."""
+        """Returns the measured points, float32 [n, 3], metres in the RGB camera's axes (x right, y down, z forward).
+        with_rgb: [n, 6], with colours 0..1."""
         depth = self.get_depth()
         v, u = np.nonzero(depth)
         points = (self.rgb_rays()[:, v, u] * depth[v, u]).T.astype(np.float32)
@@ -134,11 +137,13 @@ class StereoDepthSensor(SensorResults):
 
     def get_picture(self, name: str, camera: str = "rgb") -> NDArray[Any]:
         """Renders one of kuafu's outputs ('position', 'albedo', ...; see kuafu.Renderer) now, [height, width,
-        channels], by camera 'rgb', 'left' or 'right'. projector_* is of this sensor's. Needs no take_picture()."""
+        channels], by camera 'rgb', 'left' or 'right'. Outputs projector_* are for this sensor's projector. Needs no
+        take_picture()."""
         return self.get_pictures([name], camera)[name]
 
     def get_pictures(self, names: Sequence[str], camera: str = "rgb", **options: Any) -> dict[str, NDArray[Any]]:
-        """Renders several of get_picture()'s outputs, {name: image}. options: kuafu.Renderer.render's arguments."""
+        """Renders several of get_picture()'s outputs at once, {name: image}. options: arguments of
+        kuafu.Renderer.render that override the sensor's own."""
         if camera not in CAMERAS:
             raise ValueError(unknown("camera", camera, CAMERAS))
         return self._engine.render_now(self._rigs(), names, None if camera == "rgb" else SIDES.index(camera), **options)
@@ -183,7 +188,8 @@ class StereoDepthSensor(SensorResults):
         return self._engine.rig.make_matcher(1)
 
     def engine_inputs(self) -> EngineInputs:
-        """Returns the cameras, lights and parameters that renderer and depth engine get under the model, now."""
+        """Returns the cameras, lights and parameters that renderer and depth engine get under the model, with the
+        infrared cameras at their present poses."""
         self.ir_cameras()
         return self._engine.rig.inputs()
 
@@ -202,8 +208,9 @@ class StereoDepthSensor(SensorResults):
     # ---- parameters ----
 
     def change(self, **changes: Any) -> None:
-        """Changes fields that matcher and noise depend on. Setting ir_speckle_noise or ir_thermal_noise removes
-        ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError and changes nothing."""
+        """Changes those fields of the configuration that the matcher and the noise depend on. Setting ir_speckle_noise
+        or ir_thermal_noise removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError;
+        nothing has changed then."""
         config = self.get_config()
         if not {"ir_speckle_noise", "ir_thermal_noise"}.isdisjoint(changes):
             config.ir_signal = None
@@ -224,7 +231,8 @@ class StereoDepthSensor(SensorResults):
 
 
 def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDArray[np.float32]:
-    """Returns counts over full scale, 0..1, of a linear imager without noise or dark current, for radiance."""
+    """Returns the counts over full scale, 0..1, that a linear imager without noise and dark current gives for an image
+    of radiance, W/(sr m^2)."""
     full_scale_dn = 2 ** signal["bit_depth"] - 1
     per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
     warming_k = signal["temperature_c"] - signal["dark_reference_c"]

@@ -128,7 +128,8 @@ def require_formats(names: list[str]) -> None:
 
 
 def write_formats(out: Path, count: int, names: list[str]) -> None:
-    """Writes frames 0 to count - 1 of `out` in each named format, completely or not at all, into a new out/NAME."""
+    """Writes frames 0 to count - 1 of the data set `out` in each named format, into the folder out/NAME. A folder is
+    written completely or not at all, and replaces an old one."""
     aside = out / ".unfinished"
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()

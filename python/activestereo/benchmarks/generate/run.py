@@ -98,8 +98,9 @@ def made_by_ray(settings: Settings, out: Path, missing: Sequence[int], address: 
 @dataclass(frozen=True)
 class Done:
     """The result of generate(). made: frames made now. there: frames of this part that existed before. missing: frames
-    of other parts that do not exist yet. Known once all frames exist: unseen: things in no frame. measured: share of
-    surface pixels with a depth. invented: share of depths without a surface or off by more than 5 %."""
+    of other parts that do not exist yet. The rest is known once all frames exist. unseen: things that no frame shows.
+    measured: share of surface pixels with a depth. invented: share of depths without a surface or off by more than 5
+    %."""
 
     made: int
     there: int
@@ -173,7 +174,8 @@ def description(settings: Settings) -> dict[str, Any]:
 
 
 def _make_frames(settings: Settings, out: Path, missing: list[int], workers: int) -> Iterator[int]:
-    """Makes the missing frames, by new workers if one is lost, and yields the number of each that is written."""
+    """Makes the missing frames and yields the number of each after it is written. If a worker is lost, new workers make
+    the remaining frames."""
     if workers == 1 or len(missing) < 2:
         yield from _make_in_process(settings, out, missing)
         return

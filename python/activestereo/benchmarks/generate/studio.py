@@ -65,7 +65,8 @@ class Ranges:
 
     @classmethod
     def read(cls, path: Path | None) -> Ranges:
-        """Reads a .toml file, None: no file; missing ranges keep their defaults. Raises ValueError."""
+        """Reads a .toml file; ranges that it lacks, or all if `path` is None, keep their defaults. Raises ValueError
+        with the file and its fault."""
         given = {} if path is None else read_toml(path)
         try:
             known = sorted(field.name for field in fields(cls))
@@ -143,7 +144,8 @@ class Things:
         self.place({})
 
     def place(self, poses: dict[int, NDArray[np.float64]]) -> None:
-        """Places things. poses: {index: 4x4 from the file's axes to the world}; the other things move far away."""
+        """Places things in the world. poses: {index: 4x4 from the file's axes to the world}; the other things move far
+        away."""
         for index, (ids, base) in enumerate(zip(self._instances, self._base, strict=True)):
             self._scene.set_instance_poses(ids, poses.get(index, _AWAY) @ base)
 
@@ -380,7 +382,8 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns the mask, bool [height, width], of an object in the RGB picture, as if it were alone. pose: 4x4."""
+        """Returns the mask, bool [height, width], of object number `index` in the RGB picture, as if it were alone in
+        the scene. pose: 4x4 from its file's axes to the world."""
         self._things.place({index: pose})
         width, height = self._config.rgb_resolution
         camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
@@ -391,7 +394,8 @@ class Studio:
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
     """Returns the preset with an RGB image of the settings' size. The image is scaled to the height, and cut or widened
-    on both sides to the width. It has no distortion, as BOP's cameras. Infrared images keep their field of view."""
+    on both sides to the width. It has no distortion, because BOP's cameras are pinholes. Infrared images of another
+    size keep their horizontal field of view."""
     config = StereoDepthSensorConfig(settings.sensor)
     if settings.ir_size is not None:
         whole, config = config, config.resized(*settings.ir_size)

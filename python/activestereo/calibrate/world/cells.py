@@ -147,7 +147,8 @@ class Room:
         )  # fmt: skip
 
     def _seen_right(self, left_depth: Image) -> Image:
-        """Warps the left camera's depth image to the right. The nearest surface wins; gaps of one pixel are closed."""
+        """Warps the left camera's depth image to the right camera. The nearest surface wins, and gaps of one pixel are
+        closed."""
         points = _moved(points_of(left_depth, self.rig.camera("left").K), self.rig.left_to_right)
         z, K = points[..., 2], self.rig.camera("right").K
         column = np.rint(K[0, 0] * points[..., 0] / np.maximum(z, 0.05) + K[0, 2]).astype(int)

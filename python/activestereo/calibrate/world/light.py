@@ -303,7 +303,8 @@ class Textures:
 def merged_textures(
     owner: int, views: Sequence[LightView], poses: Sequence[Pose], light: LightEstimate, K: NDArray[np.float64]
 ) -> Textures:
-    """Returns view `owner`'s Textures: albedo and room light, averaged over all views of the same surfaces."""
+    """Returns the Textures of view number `owner`: albedo and room light, averaged over all views that show the same
+    surfaces."""
     black = np.float32(light.black_dn[0])
     shape = views[owner].room.shape
     sums = np.zeros((6, *shape), np.float32)

@@ -89,8 +89,9 @@ def _png(linear: Image) -> bytes:
 def _already_seen(
     view: SceneView, pose: Pose, others: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]
 ) -> Mask:
-    """Returns a mask of the view's pixels whose surface lies at the same depth in an earlier view. Near its border no
-    pixel is masked, so meshes overlap. others, poses: earlier views and their 4x4 camera_to_world."""
+    """Returns a mask of the view's pixels whose surface lies at the same depth in an earlier view. Near an earlier
+    view's border no pixel is masked, so meshes overlap. others, poses: earlier views and their 4x4 camera_to_world;
+    pose: the view's own."""
     points = points_of(view.depth_m, K)
     had = np.zeros(view.depth_m.shape, bool)
     for other, own in zip(others, poses, strict=True):
@@ -147,7 +148,8 @@ def known_masks(
 
 
 def _warp_to_right(view: SceneView, known: Mask, rig: Rig) -> Mask:
-    """Warps a mask of the left image to the right by depth, without pixels near surfaces outside the mask."""
+    """Warps a mask of the left image to the right image by the view's depth. Right pixels near surfaces outside the
+    mask are left out."""
     column, row = pixel_grid(known.shape)
     disparity = rig.left.K[0, 0] * rig.baseline_m / np.maximum(view.depth_m, 1e-3)
     at = np.rint(column - disparity + rig.right.K[0, 2] - rig.left.K[0, 2]).astype(int)
@@ -170,7 +172,8 @@ NOTE = (
 def write_height_field(path: Path, capture: Capture, frame_id: int | None, step_px: int) -> tuple[int, float, int]:
     """Writes a scene file with the camera and the surface, in world axes, that a frame measured (None: the first frame
     with depth). Depth is the median over all frames with that frame's pose. step_px: pixels between vertices. Returns
-    (triangles, share of the image that is a surface, frames). Raises ValueError if the frame has hardly any depth."""
+    (number of triangles, share of the image that is a surface, number of frames). Raises ValueError if the frame has no
+    depth, or hardly any."""
     known = [f for f in capture.frames if f.depth_path is not None]
     with_depth = [f for f in known if frame_id in (None, f.id)]
     if not with_depth:

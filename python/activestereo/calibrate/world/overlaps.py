@@ -53,8 +53,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class Overlap:
-    """The motion between two views of the same surfaces. a, b: their indices. a_to_b: 4x4. seen: share of a's points
-    that fall on b's known pixels. on: share of those that lie on b's surface. distance_m: median from b's planes."""
+    """The motion between two views that show the same surfaces. a, b: indices of the views. a_to_b: 4x4. seen: share of
+    a's points that fall on b's known pixels. on: share of those that lie on b's surface. distance_m: median distance
+    from b's planes."""
 
     a: int
     b: int
@@ -138,7 +139,8 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64], rati
 class Contact:
     """Pairs of points of two overlapping surfaces, in the second camera's frame. pixel: flat index in the first image.
     point: the first surface's point, moved. there, normal: the second surface's point and normal at the same pixel.
-    distance: from that plane, m. seen: share of the samples that fall on the second's known pixels."""
+    distance: from that plane, along its normal, m. seen: share of the samples that fall on the second's known
+    pixels."""
 
     pixel: NDArray[np.int64]
     point: NDArray[np.float64]

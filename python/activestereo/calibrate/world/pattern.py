@@ -39,7 +39,8 @@ _LEAST_R, _COVERED = 0.25, 0.5
 
 @dataclass(frozen=True)
 class DotView:
-    """A view's usable pixels. value: [n], normalised high-pass. points: [n, 3] in the left camera. used: their mask."""
+    """The usable pixels of one view. value: [n], normalised high-pass image. points: [n, 3] in the left camera's frame.
+    used: their mask [height, width]."""
 
     value: NDArray[np.float32]
     points: NDArray[np.float32]
@@ -66,7 +67,8 @@ class PatternEstimate:
 
 
 def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
-    """Computes a view's normalised high-pass values and points. K: 3x3 of the left camera. max_dn: saturation."""
+    """Computes a view's normalised high-pass values and points. K: 3x3 of the left camera. max_dn: the saturated
+    count."""
     slow = blurred(view.left, _SLOW_PX)
     fast = view.left - slow
     rms = np.sqrt(blurred(fast * fast, _RMS_PX))
@@ -76,7 +78,8 @@ def dot_view(view: SceneView, K: NDArray[np.float64], max_dn: float) -> DotView:
 
 
 class _Canvas:
-    """The pixel grid of the pattern's image. Surface points are projected onto it from an assumed projector."""
+    """The pixel grid of the pattern's image. Surface points are projected onto it from an assumed position of the
+    projector."""
 
     def __init__(self, K: NDArray[np.float64], size: tuple[int, int]) -> None:
         self.width, self.height = (int(_SCALE * _BEYOND * side) for side in size)
@@ -224,7 +227,8 @@ def _agreement(total: Image, count: Image, square: Image, count2: Image) -> floa
 
 
 def _peak(design: NDArray, values: Vector) -> Vector:
-    """Returns the top [3], within two steps, of a paraboloid fitted at the points design [n, 3]; zeros: none."""
+    """Fits a paraboloid to values at the points design [n, 3], and returns its top [3], within two steps; zeros if it
+    has none."""
     i, j, k = design.T.astype(float)
     columns = np.stack([np.ones_like(i), i, j, k, i * i, j * j, k * k, i * j, i * k, j * k], axis=1)
     c = np.linalg.lstsq(columns, values, rcond=None)[0]

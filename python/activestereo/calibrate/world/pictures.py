@@ -18,14 +18,16 @@ _SMALL = np.s_[::2, ::2]
 
 
 def poses_picture(views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Draws a checkerboard of the first view and the second, warped to it: continuous if poses and K are right."""
+    """Draws a checkerboard whose fields alternate between the first view's image and the second's, warped to the first
+    view. Contours are continuous if poses and K are right."""
     return _gray(_checker([view.left for view in views[:2]], views, poses, K))
 
 
 def exposure_picture(
     views: Sequence[SceneView], poses: Sequence[Pose], K: NDArray[np.float64], light: LightEstimate
 ) -> NDArray[np.uint8]:
-    """Draws poses_picture() from light above black, over exposure and falloff: evenly bright if these are right."""
+    """Draws the checkerboard of poses_picture() from the light above black, divided by exposure and falloff. Its fields
+    are equally bright if these are right."""
     images = []
     for view, exposure in zip(views[:2], light.exposure, strict=False):
         tangent = points_of(np.ones_like(view.depth_m), K)[..., :2]

@@ -57,7 +57,8 @@ class PoseEstimate:
 def group_views(
     views: Sequence[SceneView], K: NDArray[np.float64], seed: int = 0, progress: Callable[[float], object] | None = None
 ) -> tuple[list[Surface], list[Overlap], list[list[int]]]:
-    """Finds the views' overlaps and scenes. Returns (surfaces, overlaps, lists of view indices, the largest first)."""
+    """Finds the overlaps of all views and groups the views into scenes. Returns (surfaces, overlaps, lists of view
+    indices, the largest scene first)."""
     rng = np.random.default_rng(seed)
     surfaces = [surface_of(view, K, rng) for view in views]
     pairs = list(itertools.combinations(range(len(views)), 2))

@@ -34,7 +34,8 @@ _LEAST_DEPTH = 0.2
 @dataclass(frozen=True)
 class SceneView:
     """A frame's images [height, width]. left, right: DN. depth_m: 0 = none. surface: mask of measured depth far from
-    edges. agreement: of both cameras' high-pass images at that depth. clipped: saturated share of the left image."""
+    edges. agreement: correlation of both cameras' high-pass images at that depth. clipped: saturated share of the left
+    image."""
 
     frame: Frame
     left: Image
@@ -184,7 +185,8 @@ def correlation(a: NDArray, b: NDArray) -> float:
 
 
 def _agreement(view: SceneView, rig: Rig) -> float:
-    """Returns the best correlation of both high-pass images, warped by depth, over shifts of a pixel or two."""
+    """Returns the best correlation of both cameras' high-pass images, warped by depth, over a few column shifts. The
+    nominal calibration may be off by a pixel or two."""
     left = high_pass(view.left)
     best = 0.0
     for shift in (0.0, -1.5, 1.5, -3.0, 3.0):

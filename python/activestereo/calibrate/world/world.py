@@ -94,7 +94,8 @@ class World:
         self.lines.append(line)
 
     def scene_views(self) -> tuple[list[SceneView], list[NDArray[np.float64]]]:
-        """Returns one scene's views and 4x4 view_to_world, measured or stated. Raises ValueError if there are none."""
+        """Returns the views of one scene and their 4x4 view_to_world, measured in this run or else the capture's.
+        Raises ValueError if there are none."""
         if self.poses is not None:
             return [self.views[i] for i in self.poses.views], list(self.poses.view_to_world)
         frames = {frame.id: frame.camera_to_world for frame in self.capture.frames}
@@ -122,7 +123,8 @@ def calibrate_world(
     capture `out`, with pictures of each step in `out`/measured. Returns the findings, a line each.
 
     test: ids of frames to hold out; their pose and exposure are measured, but they inform nothing else. Raises
-    ValueError, one line, if a recording is unusable, with the remedy; parts that could be measured are written."""
+    ValueError, one line, if a recording is unusable, with the remedy; the parts that could be measured are written all
+    the same."""
     capture = read_capture(recording)
     unknown = sorted(set(test) - {frame.id for frame in capture.frames})
     if unknown:
@@ -251,7 +253,8 @@ def _poses_joint(estimate: PoseEstimate, frames: Sequence[int], camera: Any, f_p
 
 
 def _turn(pose: NDArray[np.float64], distance_m: float) -> float:
-    """Returns the angle, rad, by which a camera's motion (4x4) turns the direction of a point at distance_m."""
+    """Returns the angle, rad, by which a camera motion changes the direction of a point at distance_m: the rotation's
+    angle plus translation over distance. pose: the motion, 4x4."""
     turn = np.arccos(np.clip(0.5 * (np.trace(pose[:3, :3]) - 1.0), -1.0, 1.0))
     return float(turn + np.linalg.norm(pose[:3, 3]) / distance_m)
 

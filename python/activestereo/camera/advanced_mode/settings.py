@@ -54,7 +54,8 @@ def keys() -> dict[str, Key]:
 
 @dataclass(frozen=True)
 class AdvancedSettings:
-    """Advanced-mode settings. values: {key: value} of the file, aliases by their main names."""
+    """Advanced-mode settings. values: {key: value} of the keys in the file. A key given by its alias has its main name
+    here."""
 
     values: Mapping[str, Value]
 
@@ -83,7 +84,8 @@ class AdvancedSettings:
 
 
 def read_settings(path: str | Path) -> AdvancedSettings:
-    """Reads a JSON file. Raises ValueError with the file and every key that is unknown or out of range."""
+    """Reads settings from a JSON file. Raises ValueError with the file and every key that is unknown or out of
+    range."""
     return parse_settings(read_json_object(path), str(path))
 
 
@@ -151,7 +153,8 @@ _DN_OF_12_BITS = 1 / 16
 
 @dataclass(frozen=True)
 class DepthTable:
-    """A depth image's metres per unit and the range that it keeps. is_disparity: pixels hold disparities instead."""
+    """Format of a depth image: metres per unit and the range of depths that it keeps. is_disparity: pixels hold
+    disparities instead."""
 
     unit_m: float
     min_depth_m: float
@@ -160,7 +163,8 @@ class DepthTable:
 
 
 def matcher_parameters(settings: AdvancedSettings, base: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns simsense's matcher parameters: `base`, the camera's defaults for 8 bits, with the settings applied."""
+    """Returns simsense's matcher parameters: `base`, the camera's defaults for 8-bit images, with the settings
+    applied."""
     out = dict(base)
     changed, number = settings.is_changed, settings.number
     share = {n: number(n) / float(keys()[n].default) for n in _SCALED}  # a key's number over the camera's default

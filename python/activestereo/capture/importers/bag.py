@@ -123,7 +123,8 @@ def is_bag(path: Path) -> bool:
 
 
 def image_streams(path: Path) -> dict[str, int]:
-    """Returns {stream: count of images}, of Infrared 1, Infrared 2, Depth, Aligned, Color. Raises as extract_bag()."""
+    """Returns {stream: number of its images} for a bag's streams Infrared 1, Infrared 2, Depth, Aligned and Color.
+    Raises as extract_bag() does."""
     with _opened(path) as reader:
         images = [c for c in _wanted(reader) if c.msgtype.split("/")[-1] in _IMAGES]
         return {stream: c.msgcount for c in images if (stream := stream_of(c.topic)) is not None}
@@ -288,7 +289,8 @@ def _with_metadata(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, now or in the block."""
+    """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, on opening or inside the
+    block."""
     missing = f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
     reading, types = (imported(name, missing, ValueError) for name in ("rosbags.highlevel", "rosbags.typesys"))
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
@@ -368,7 +370,8 @@ def _unpacked(path: Path, topic: str, content: bytes, mode: str | None = None) -
 
 
 def _gray_pixels(path: Path, topic: str, message: Any) -> NDArray[np.generic]:
-    """Decodes a message's pixels, uint8 or uint16 [height, width]. Compressed images are PNG, depth behind a header."""
+    """Decodes an image message's pixels, uint8 or uint16 [height, width]. A compressed image is a PNG file; a depth
+    image has a header before it."""
     content = np.asarray(message.data, np.uint8).tobytes()
     if hasattr(message, "format"):
         start = content.find(_PNG)
@@ -434,7 +437,8 @@ _MOST_OF_8_BITS = 255
 
 
 class Pair(NamedTuple):
-    """Two images of one size, uint8, or uint16 if the first pair exceeds 255. name: unique, usable for a file."""
+    """Two rectified images of one size, uint8, or uint16 if the first pair has counts above 255. name: unique in the
+    recording and usable as a file name."""
 
     name: str
     left: NDArray[np.generic]

@@ -82,7 +82,8 @@ class Entry:
         return str(value)
 
     def numbers(self, counts: Sequence[int], limits: Limits, *keys: str) -> NDArray[np.float64]:
-        """Reads numbers, as many as `counts` allows, from a list, rows or a matrix' data, under the first key."""
+        """Reads numbers from a list, a list of rows, or a matrix' data, under the first of `keys` that exists. Their
+        count must be one of `counts`."""
         key, value = self.named(*keys)
         if isinstance(value, dict):
             value = value.get("data")
@@ -109,7 +110,8 @@ class Entry:
         return int(value)
 
     def lens(self, is_fisheye: bool, *keys: str) -> NDArray[np.float64]:
-        """Reads distortion: four numbers of a fisheye lens, else five or eight in OpenCV's order."""
+        """Reads distortion coefficients: four of a fisheye lens, else five or eight in OpenCV's order k1 k2 p1 p2 k3 k4
+        k5 k6."""
         if is_fisheye:
             return self.numbers((4,), DISTORTION, *keys)
         given = self.numbers((0, 4, 5, 8, 12, 14), DISTORTION, *keys)

@@ -37,7 +37,8 @@ from activestereo.scene_io.parts import read_parts
 
 @dataclass(frozen=True)
 class ColorDepthFrame:
-    """The image files of one moment. depth_scale: metres per unit of depth. camera_to_world: 4x4, None if unknown."""
+    """The image files of one moment. depth_scale: metres per unit of the depth file. camera_to_world: 4x4, or None if
+    unknown."""
 
     time_s: float
     depth: Path
@@ -62,7 +63,8 @@ class ColorDepthRecording:
 
 
 def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
-    """Checks nine numbers and returns the 3x3 camera matrix. Raises ValueError with file, key and value."""
+    """Checks nine numbers, row by row, as a camera matrix and returns it as 3x3. Raises ValueError with file, key and
+    value."""
     try:
         K = np.array(values, dtype=np.float64).reshape(3, 3)
     except (TypeError, ValueError):
@@ -161,7 +163,8 @@ def _tum_files(path: Path) -> dict[float, Path]:
 def read_open3d(
     folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None
 ) -> ColorDepthRecording:
-    """Reads Open3D's layout. K and depth_scale override the folder's. Raises ValueError with file, key and value."""
+    """Reads a folder of Open3D's layout. K and depth_scale, if given, override the folder's. Raises ValueError with
+    file, key and value."""
     path = next(folder / name for name in INTRINSICS if (folder / name).is_file())
     intrinsics = read_json_object(path)
     if K is None:
@@ -268,7 +271,8 @@ def read_bop(folder: Path, scene: Path, depth_scale: float | None = None) -> Col
 
 
 def _bop_motion(path: Path, key: str, entry: dict[str, Any], way: str) -> NDArray[np.float64]:
-    """Reads the 4x4 pose, metres, of cam_R_ and cam_t_. way: w2c (world to camera) or m2c (model to camera)."""
+    """Reads the 4x4 pose in metres of an entry's cam_R_ and cam_t_. way: w2c (world to camera) or m2c (model to
+    camera)."""
     name, translation = f"{path}: {key}.cam_R_{way}, cam_t_{way}", entry.get(f"cam_t_{way}")
     pose = printed_motion(entry[f"cam_R_{way}"], translation if translation is not None else (), name)
     pose[:3, 3] *= _MM

@@ -31,7 +31,8 @@ def pose_of_seven(values: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file and line."""
+    """Reads (times [n] in seconds, increasing; camera_to_world [n, 4, 4]). Raises ValueError with file, line and
+    fault."""
     times, poses = list[float](), list[NDArray[np.float64]]()
     for number, line in enumerate(read_text(path).splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -55,7 +56,8 @@ def read_trajectory(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def pose_at(times: NDArray[np.float64], poses: NDArray[np.float64], time: float, name: str) -> NDArray[np.float64]:
-    """Returns the interpolated 4x4 pose at a time. Raises ValueError with `name` more than 50 ms outside `times`."""
+    """Returns the 4x4 pose at a time, interpolated between its neighbours. Raises ValueError, which begins with `name`,
+    if the time is more than 50 ms outside of `times`."""
     if not times[0] - 0.05 <= time <= times[-1] + 0.05:
         raise ValueError(f"{name}: its time {time:.6f} s is outside the poses' {times[0]:.6f} to {times[-1]:.6f} s")
     time = float(np.clip(time, times[0], times[-1]))

@@ -95,7 +95,8 @@ def swapped(files: list[FrameFiles]) -> list[FrameFiles]:
 
 
 def _views(folder: Path, seen: set[Path]) -> list[Path]:
-    """Lists the innermost folders with both cameras' images, or the folder. seen: folders that links may repeat."""
+    """Lists the innermost folders with both cameras' images, or the folder itself. seen: folders that were visited, to
+    which links may lead back."""
     out = []
     for child in sorted(folder.iterdir()):
         if child.is_dir() and child.resolve() not in seen:
@@ -142,7 +143,8 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
 def _join_by_name(
     folder: Path, by_stream: dict[str, list[tuple[float | None, Path]]], streams: dict[str, re.Pattern[str]]
 ) -> list[FrameFiles]:
-    """Joins files into frames whose names differ only in the stream's word, 'view 9' before 'view 10'."""
+    """Joins files into frames whose names differ only in the stream's word, in natural order ('view 9' before 'view
+    10')."""
     named: dict[str, dict[str, Path]] = {}
     for stream, files in by_stream.items():
         for _, file in files:

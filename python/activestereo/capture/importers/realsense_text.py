@@ -37,7 +37,8 @@ _BROWN = ("brown conrady", "modified brown conrady", "none", "inverse brown conr
 
 @dataclass(frozen=True)
 class DeviceText:
-    """A device's calibration. intrinsics: {(stream, width, height): Camera}. extrinsics: {(a, b): 4x4 a_to_b}."""
+    """A device's calibration. intrinsics: {(stream, width, height): Camera}. extrinsics: {(a, b): 4x4 a_to_b} of two
+    streams."""
 
     path: Path
     intrinsics: dict[tuple[str, int, int], Camera]
@@ -45,7 +46,8 @@ class DeviceText:
 
     @classmethod
     def of_pair(cls, path: Path, lenses: Sequence[Camera], left_to_right: NDArray[np.float64] | float) -> DeviceText:
-        """Makes a calibration of two infrared cameras. left_to_right: 4x4, or the baseline of rectified ones."""
+        """Makes a calibration of the two infrared cameras alone. left_to_right: 4x4, or for rectified cameras the
+        baseline in metres."""
         if isinstance(left_to_right, float):
             left_to_right = rigid_motion((-left_to_right, 0.0, 0.0))
         modes = {(side, lens.width, lens.height): lens for side, lens in zip(INFRARED, lenses, strict=True)}

@@ -18,7 +18,8 @@ _FORMATS: dict[int | str, tuple[str, int]] = {
 
 
 def image_of(message: Any) -> NDArray[Any]:
-    """Returns a message's image, [height, width] or [height, width, channels], RGB. Raises ValueError for others."""
+    """Returns a message's image, [height, width] or [height, width, channels], RGB. Raises ValueError for another
+    format."""
     form = getattr(message, "encoding", None) or message.pixel_format_type
     if form not in _FORMATS:
         raise ValueError(f"an image message is of the format {form!r}, expected one of {list(_FORMATS)}")
@@ -31,7 +32,8 @@ def image_of(message: Any) -> NDArray[Any]:
 
 
 def gazebo_gbuffers(depth: Any, image: Any) -> dict[str, Any]:
-    """Converts RGB-D messages to GBufferStereo's arguments. Red becomes albedo; uint16 depth is in millimetres."""
+    """Converts the messages of one RGB-D camera to GBufferStereo's arguments. The picture's red becomes the albedo, a
+    guess of the infrared one; uint16 depth is in millimetres."""
     depth_m, picture = image_of(depth), image_of(image)
     depth_m = depth_m * 1e-3 if depth_m.dtype.kind == "u" else np.nan_to_num(depth_m, nan=0.0, posinf=0.0, neginf=0.0)
     return {"depth": depth_m, "albedo": picture}

@@ -14,7 +14,8 @@ from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
 
 def geom_materials(model: mujoco.MjModel) -> dict[int, kuafu.Material]:
-    """Returns {geom: its kuafu.Material without textures} of all geoms, for GBufferStereo's argument `materials`."""
+    """Returns {number of a geom: its kuafu.Material without textures} of all geoms of the model, for GBufferStereo's
+    argument `materials`."""
     return {geom: kuafu.Material(**geom_surface(model, geom)) for geom in range(model.ngeom)}
 
 

@@ -23,7 +23,8 @@ class MujocoWarpGBuffers:
         self._geoms = wp.zeros(sensor.input_shape, wp.vec2i, device=context.depth_data.device)
 
     def __call__(self, model: Any, data: Any) -> dict[str, Any]:
-        """Renders mujoco_warp's model and data, after a step or forward(), and returns depth and material."""
+        """Renders the state of mujoco_warp's model and data, after a step or forward(), and returns depth and
+        material."""
         mjw.refit_bvh(model, data, self._context)
         mjw.render(model, data, self._context)
         mjw.get_segmentation(self._context, self._camera, self._geoms)

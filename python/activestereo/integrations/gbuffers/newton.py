@@ -22,7 +22,8 @@ def _to_camera(camera_to_world: wp.array(dtype=wp.transformf), normal: wp.array3
 
 
 class NewtonGBuffers:
-    """Renders depth, normals and albedo of a model's worlds, for a GBufferStereo with as many environments."""
+    """Renders depth, normals and albedo of a model's worlds, as arguments of a GBufferStereo with as many
+    environments."""
 
     def __init__(self, model: newton.Model, sensor: GBufferStereo) -> None:
         (count, height, width), k = sensor.input_shape, sensor.k

@@ -36,7 +36,8 @@ def fitted(
 
 
 def vertical_fov_deg(sensor: GBufferStereo) -> float:
-    """Returns the vertical field of view, degrees. Raises ValueError for an off-centre camera or pixels not square."""
+    """Returns the sensor's vertical field of view, degrees. Raises ValueError if the principal point is not in the
+    middle or pixels are not square."""
     k, (_, height, width) = sensor.k, sensor.input_shape
     off_px = k[:2, 2] - (np.array([width, height]) - 1.0) / 2.0
     if np.abs(off_px).max() > _CENTRED_PX or abs(k[0, 0] / k[1, 1] - 1.0) > 1e-3:

@@ -84,7 +84,8 @@ def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]
 
 
 class SimulatedCamera:
-    """Takes pictures of a world under librealsense's options. depth_size, color_size: (width, height)."""
+    """Takes pictures of a world under librealsense's options. depth_size, color_size: (width, height) of the
+    streams."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -105,7 +106,8 @@ class SimulatedCamera:
     # ---- settings of the options ----
 
     def set_option(self, which: option, value: float) -> None:
-        """Sets an option for the next picture. Presets set advanced mode; exposure and gain end automatic exposure."""
+        """Sets an option from the next picture on. A preset sets the advanced-mode settings; exposure and gain end
+        automatic exposure."""
         if which == option.visual_preset:
             self.set_settings(visual_preset(rs400_visual_preset(int(value)).name))
         if which in (option.exposure, option.gain):
@@ -195,7 +197,8 @@ class SimulatedCamera:
         return np.dstack([rgba[..., order], np.full(rgba.shape[:2], 255, np.uint8)])
 
     def light(self) -> dict[frame_metadata_value, int]:
-        """Returns the last picture's metadata: infrared exposure in microseconds and gain, and the laser's state."""
+        """Returns metadata of the last picture: the infrared cameras' exposure in microseconds and gain, and the
+        laser's state."""
         sensor = self._ready()
         used, is_lit = sensor.get_config(), sensor.plan.laser_w_sr[sensor.frame_index % 2] > 0
         return {

@@ -51,7 +51,8 @@ class filter(Options):
 
 
 class decimation_filter(filter):
-    """Reduces resolution: a square becomes the median of its measured pixels, from a side of 4 on the mean."""
+    """Reduces resolution: each square of pixels becomes the median of its measured pixels, or their mean from a side of
+    4 pixels on."""
 
     ranges = {option.filter_magnitude: option_range(1, 8, 1, 2)}
 
@@ -126,7 +127,8 @@ _FILL_RADIUS_PX = (0, 2, 4, 8, 16, 255)  # fills one pixel less
 
 class spatial_filter(filter):
     """Smooths depth without crossing edges, by a recursive filter along rows, then columns, forth and back (Gastal and
-    Oliveira, Domain Transform, ACM TOG 30(4), 2011). An edge steps by more than filter_smooth_delta."""
+    Oliveira, Domain Transform, ACM TOG 30(4), 2011). An edge is a step of more than filter_smooth_delta counts, or
+    disparities."""
 
     ranges = {
         option.filter_magnitude: option_range(1, 5, 1, 2),
@@ -190,7 +192,8 @@ _ALWAYS = 8
 
 
 class temporal_filter(filter):
-    """Averages pixels over frames that change by less than filter_smooth_delta. holes_fill: which holes persist."""
+    """Averages each pixel over frames if it changes by less than filter_smooth_delta. Its persistence (option
+    holes_fill) decides when a hole keeps the last value."""
 
     ranges = {
         option.filter_smooth_alpha: option_range(0, 1, 0.01, 0.4),
@@ -233,7 +236,8 @@ class temporal_filter(filter):
 
 
 class hole_filling_filter(filter):
-    """Fills holes with a neighbour's value: in mode 0 the left, in 1 the farthest and in 2 the nearest around."""
+    """Fills each hole with a neighbour's value. Mode 0 takes the left one, 1 the farthest and 2 the nearest of those
+    around it."""
 
     ranges = {option.holes_fill: option_range(0, 2, 1, 1)}
 
@@ -309,7 +313,8 @@ class align:
 
 
 def _pixels(depth: frame, target: video_stream_profile, corner_px: float) -> NDArray[np.int64]:
-    """Returns the target's pixels, [2, n], that a corner of each depth pixel falls into. corner_px: from its centre."""
+    """Returns the target's pixels, [2, n], that a corner of each measured depth pixel falls into. corner_px: the
+    corner's offset from the pixel's centre."""
     counts = np.asarray(depth.get_data())
     v, u = np.nonzero(counts)
     rays = deprojected(depth.profile.intrinsics, u + corner_px, v + corner_px)
@@ -349,7 +354,8 @@ class points(frame):
         return self._texels if dims == 2 else self._texels.view(_TEXEL).reshape(-1)
 
     def export_to_ply(self, path: str | PathLike[str], texture: frame | None) -> None:
-        """Writes the measured points into a PLY file. texture: the frame given to map_to(), for colours, or None."""
+        """Writes the measured points, with the colours of `texture`, into a PLY file. texture: the frame given to
+        map_to(); None: no colours."""
         measured = self._vertices[:, 2] > 0
         colors = None
         if texture is not None:
@@ -397,7 +403,8 @@ class pointcloud:
 
 
 class save_to_ply(filter):
-    """Writes each frame's or frameset's points into one PLY file. Options of its format have no effect."""
+    """Writes the points of each frame or frameset into one PLY file, which the next one overwrites. Options of its
+    format are accepted without effect."""
 
     option_ignore_color, option_ply_mesh, option_ply_binary, option_ply_normals, option_ply_threshold = range(100, 105)
 
@@ -426,7 +433,8 @@ _SCHEMES = {
 
 
 class colorizer(filter):
-    """Colours depth as rgb8, linear in depth or, with histogram_equalization_enabled, with equal shares of pixels."""
+    """Colours depth as rgb8. With histogram_equalization_enabled all colours have equal shares of the pixels; otherwise
+    they are linear in depth."""
 
     ranges = {
         option.color_scheme: option_range(0, 9, 1, 0),

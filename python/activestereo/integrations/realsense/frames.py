@@ -76,7 +76,8 @@ _NAMES = {stream.depth: "Depth", stream.color: "Color", stream.infrared: "Infrar
 
 
 def getter(path: str) -> Any:
-    """Returns a method that returns an attribute, because pyrealsense2 has methods. path: such as 'request.fps'."""
+    """Returns a method without arguments that returns an attribute of its object, because pyrealsense2 has methods
+    there. path: the attribute, such as 'request.fps'."""
     read = attrgetter(path)
     return lambda self: read(self)
 
@@ -140,7 +141,8 @@ class video_stream_profile:
         return extrinsics(transform[:3, :3].T.ravel().tolist(), transform[:3, 3].tolist())
 
     def seen(self, lens: intrinsics, form: pixel_format | None = None) -> video_stream_profile:
-        """Returns a copy of this profile with size and intrinsics `lens`, and format `form`; None: unchanged."""
+        """Returns a copy of this profile for images with the size and intrinsics `lens`, and of pixel format `form`;
+        None: unchanged."""
         form = self.request.format if form is None else form
         request = replace(self.request, width=lens.width, height=lens.height, format=form)
         return video_stream_profile(request, lens, self.left_to_stream, self.baseline_m)
@@ -150,7 +152,8 @@ stream_profile = video_stream_profile
 
 
 class frame:
-    """An image of a stream. timestamp: ms at the middle of the exposure. unit_m: metres per count of depth."""
+    """An image of a stream. timestamp: milliseconds at the middle of the exposure. unit_m: metres per count of
+    depth."""
 
     def __init__(
         self, pixels: NDArray[Any], profile: video_stream_profile, number: int, timestamp: float,
@@ -163,7 +166,8 @@ class frame:
     get_frame_number, get_timestamp = getter("frame_number"), getter("timestamp")
 
     def changed(self, pixels: NDArray[Any], profile: video_stream_profile | None = None) -> frame:
-        """Returns a copy of this frame with other pixels. profile: the new stream profile; None: unchanged."""
+        """Returns a copy of this frame, with its number and time but other pixels. profile: the new stream profile;
+        None: unchanged."""
         profile = self.profile if profile is None else profile
         kind = depth_frame if profile.stream_type() == stream.depth else video_frame
         if profile.format() == pixel_format.disparity32:
@@ -265,7 +269,8 @@ class frame_queue:
         self.source: Any = None
 
     def wait_for_frame(self, timeout_ms: int = 5000) -> Any:
-        """Returns the pipeline's next frameset. Raises RuntimeError at once without a pipeline."""
+        """Returns the pipeline's next frameset. Raises RuntimeError at once without a pipeline, since no frame can
+        arrive."""
         if self.source is None:
             raise RuntimeError(f"Frame did not arrive in time! (no pipeline sends into this queue; {timeout_ms} ms)")
         return self.source.wait_for_frames(timeout_ms)

@@ -65,7 +65,8 @@ class option(_Enum):
 
 
 class camera_info:
-    """Numbers of a device's texts; plain integers, because a member of an IntEnum may not be called `name`."""
+    """Numbers of a device's information texts; plain integers, because a member of an IntEnum may not be called
+    `name`."""
 
     (
         name, serial_number, firmware_version, recommended_firmware_version, physical_port, debug_op_code,
@@ -114,7 +115,8 @@ class option_range:
 
 
 class Described:
-    """Base of devices and sensors that state name, serial number and more. info: {number of camera_info: text}."""
+    """Base of devices and sensors that state their name, serial number and other texts. info: {number of camera_info:
+    text}."""
 
     info: dict[int, str] = {}
 
@@ -126,7 +128,8 @@ class Described:
 
 class Options:
     """Base of sensors and filters with librealsense's options. ranges: {option that can be set: its range}. read_only:
-    {other option: its value}. on_change(option, value): called before a value is taken; raises to refuse it."""
+    {other option: its value}. on_change(option, value): called before an option takes a value; raises an error to
+    refuse it."""
 
     def __init__(
         self, ranges: Mapping[option, option_range], read_only: Mapping[option, float] | None = None,

@@ -135,14 +135,16 @@ class rs400_advanced_mode:
     toggle_advanced_mode = ignored  # it is always on
 
     def load_json(self, text: str) -> None:
-        """Sets a JSON text's settings. Raises RuntimeError, as librealsense, if a key is unknown or out of range."""
+        """Sets the settings in a JSON text. Raises RuntimeError, as librealsense does, if a key is unknown or out of
+        range."""
         try:
             self._device.camera.set_settings(parse_settings(json.loads(text), "the settings"))
         except ValueError as error:
             raise RuntimeError(str(error)) from error
 
     def serialize_json(self) -> str:
-        """Returns as JSON, like librealsense, the matcher's and the depth table's keys, and others that were set."""
+        """Returns as JSON every key of the matcher and the depth table, as librealsense writes them, and the other keys
+        that were set."""
         return json.dumps(self._device.camera.settings.as_text(), indent=4)
 
     def __getattr__(self, name: str) -> Any:
@@ -233,7 +235,8 @@ class config:
 
 
 class pipeline_profile:
-    """Resolves a pipeline's streams on its device. Raises RuntimeError for depth and infrared of two sizes."""
+    """Resolves the requested streams of a pipeline on its device. Raises RuntimeError if depth and infrared, which
+    share one image size, are requested in two sizes."""
 
     def __init__(self, of: device, asked: config) -> None:
         self.device = of
@@ -266,7 +269,8 @@ def pipeline_wrapper(of: pipeline) -> pipeline:
 
 
 class pipeline:
-    """Delivers a simulated camera's framesets. Simulated time advances by 1 / framerate with each picture."""
+    """Delivers one simulated camera's framesets. Simulated time advances by 1 / framerate with each picture, however
+    long its computation takes."""
 
     def __init__(self, ctx: context | None = None) -> None:
         self._device: device | None = None
@@ -305,7 +309,8 @@ class pipeline:
         return self._profile
 
     def wait_for_frames(self, timeout_ms: int = 5000) -> composite_frame:
-        """Returns the next frameset, however long it takes. Raises RuntimeError after the world's last frame."""
+        """Returns the next frameset with every stream. It takes as long as the simulation needs; timeout_ms matters
+        only for the RuntimeError after the world's last frame."""
         arrived, frames = self.try_wait_for_frames(timeout_ms)
         if not arrived or frames is None:
             raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")

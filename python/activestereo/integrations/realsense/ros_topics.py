@@ -47,8 +47,9 @@ Published = tuple[str, str, Any, int, int, bool]  # topic, kind, message, nanose
 
 
 def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]) -> Iterator[Published]:
-    """Yields a frameset's messages. is_first: also yields the extrinsics. make(kind, **fields) makes a message, such as
-    of kind sensor_msgs/msg/Image, with arrays as NumPy arrays. Raises ValueError for a format without an encoding."""
+    """Yields a frameset's messages. is_first: also yields the streams' extrinsics, which are published once. make(kind,
+    **fields) makes a message, such as of kind sensor_msgs/msg/Image, with arrays as NumPy arrays. Raises ValueError for
+    a format without an encoding."""
     own = {(one.profile.stream_type(), one.profile.stream_index()): one for one in frames}
     streams = {key: own[key] for key in _STREAMS if key in own}
     if is_first:
@@ -97,7 +98,8 @@ def _header(time_ns: int, axes: str, make: Callable[..., Any]) -> Any:
 
 
 def _places(profiles: dict[Key, video_stream_profile], make: Callable[..., Any]) -> Iterator[Published]:
-    """Yields the extrinsics from depth to each other stream, and the frames below camera_link, the depth camera's."""
+    """Yields messages of the extrinsics from depth to each other stream, and of the tree of frames below camera_link,
+    the depth camera's frame."""
     from scipy.spatial.transform import Rotation
 
     base = profiles.get(_DEPTH)

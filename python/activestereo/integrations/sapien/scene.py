@@ -104,7 +104,8 @@ class Looks:
         return out
 
     def materials(self, entity: Any) -> list[int]:
-        """Returns an entity's material numbers, in the order of shapes(), for meshes that are in the scene already."""
+        """Returns the scene's material numbers of an entity's shapes, in the order of shapes(). It adds materials but
+        no meshes: use it if the meshes are in the scene already."""
         return [self.material(part.material) for part, _ in parts(entity)]
 
     def material(self, material: Any) -> int:
@@ -145,7 +146,8 @@ def is_visible(entity: Any) -> bool:
 
 
 def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
-    """Yields (part, sapien.Pose in the entity) of an entity's visual shapes, or its collision shapes."""
+    """Yields (part, sapien.Pose of its shape in the entity) for an entity's visual shapes, or for its collision shapes
+    if it has no visual ones."""
     shapes: list[tuple[Any, Any, Callable[[Any], Iterator[Part]]]]
     bodies = _components(entity, "RenderBodyComponent")
     records = [r for c in entity.components if isinstance(c, VisualRecords) for r in c.records]
@@ -162,7 +164,8 @@ def parts(entity: Any) -> Iterator[tuple[Part, Any]]:
 
 
 def light_record(light: Any, environment: int | None = None) -> kuafu.Light | None:
-    """Converts a SAPIEN light to kuafu's, None for a projector, which a sensor makes, and kinds that kuafu lacks."""
+    """Converts a SAPIEN light to kuafu's. Returns None for a projector, which a sensor makes, and for kinds that kuafu
+    lacks."""
     fields = {
         "intensity": tuple(light.color),
         "light_to_world": camera_to_world(light.entity.pose * light.local_pose),
@@ -214,7 +217,8 @@ class Part(NamedTuple):
 
 
 def render_parts(shape: Any) -> Iterator[Part]:
-    """Yields each mesh of a SAPIEN RenderShape as a Part. All but capsules have unit size and a scale."""
+    """Yields each mesh of a SAPIEN RenderShape as a Part. Box, sphere, cylinder and plane have unit size and a scale,
+    capsules their own size."""
     kind = type(shape).__name__
     if kind == "RenderShapeBox":
         scale = shape.half_size

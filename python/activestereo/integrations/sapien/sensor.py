@@ -70,7 +70,8 @@ def own_value(name: str, value: Any) -> Any:
 
 
 def check_config(c: Any) -> None:
-    """Raises TypeError for each value that SimSenseComponent refuses. c: a configuration with SAPIEN's names."""
+    """Raises TypeError for each value that SAPIEN's SimSenseComponent refuses. c: a configuration with SAPIEN's field
+    names."""
     noise = ("ir_speckle_noise", "ir_thermal_noise")
     census, block = ("census_width", "census_height"), ("block_width", "block_height")
     is_quiet = c.ir_speckle_noise == 0
@@ -110,7 +111,8 @@ class CudaResults:
         self._rays: torch.Tensor | None = None
 
     def depth(self) -> torch.Tensor:
-        """Returns depth [height, width], metres; with on_cuda in memory that the next compute_depth() overwrites."""
+        """Returns depth [height, width], metres; with on_cuda in the depth engine's memory, which the next
+        compute_depth() overwrites."""
         sensor = self._sensor
         return cuda_tensor(sensor.get_cuda("depth")) if self._on_cuda else copied_to_cuda(sensor.get_depth())
 
@@ -135,7 +137,8 @@ class CudaResults:
         return wait_for(torch.cat([points, self._rgb()[v, u]], dim=1) if with_rgb else points.contiguous())
 
     def _rgb(self) -> torch.Tensor:
-        """Encodes the RGB picture on CUDA as auto_exposure.encoded_rgb(); the host makes the exposure factor."""
+        """Encodes the RGB picture on CUDA, as auto_exposure.encoded_rgb() does on the host; only the exposure factor
+        passes through the host."""
         if not self._on_cuda:
             return copied_to_cuda(self._sensor.get_rgb())
         light = cuda_tensor(self._sensor.get_cuda("radiance"))
@@ -226,8 +229,9 @@ class StereoDepthSensor:
     def compute_depth(
         self, bbox_start: tuple[int, int] | None = None, bbox_size: tuple[int, int] | None = None
     ) -> None:
-        """Computes the last picture's depth. bbox_start, bbox_size: (x, y) and (width, height) in the rectified left
-        image, with no depth outside; None: all. Raises RuntimeError before the first picture."""
+        """Computes the last picture's depth. bbox_start, bbox_size: (x, y) and (width, height) in pixels of the
+        rectified left infrared image, outside of which there is no depth; None: all. Raises RuntimeError before the
+        first picture."""
         x = y = width = height = 0  # the whole image
         if bbox_start is not None and bbox_size is not None:
             (x, y), (width, height) = bbox_start, bbox_size
@@ -255,7 +259,8 @@ class StereoDepthSensor:
         return DeviceArray(self._cuda_results().depth())
 
     def get_pointcloud(self, with_rgb: bool = False) -> NDArray[np.float32]:
-        """Returns measured points, float32 [n, 3], metres in the RGB camera; with_rgb: [n, 6], with colours 0..1."""
+        """Returns the measured points, float32 [n, 3], metres in the RGB camera (x right, y down, z forward); with_rgb:
+        [n, 6], with colours 0..1."""
         return self.native().get_pointcloud(with_rgb)
 
     def get_pointcloud_cuda(self, with_rgb: bool = False) -> DeviceArray:
@@ -298,7 +303,8 @@ class StereoDepthSensor:
         self.change(lr_max_diff=lr_max_diff)
 
     def change(self, **changes: Any) -> None:
-        """Changes fields, by SAPIEN's names. Raises TypeError for values that SAPIEN refuses."""
+        """Changes fields, by SAPIEN's names, of the configuration and of the sensor. Raises TypeError for values that
+        SAPIEN refuses."""
         changed = deepcopy(self._config)
         for name, value in changes.items():
             setattr(changed, name, value)

@@ -46,7 +46,8 @@ class Library:
             raise ValueError(f"{root}: holds neither a capture ({CAPTURE_FILE}) nor a scene ({scenes})")
 
     def source(self, name: Any) -> Any:
-        """Returns an entry's source, open until another is asked for. Raises ValueError for an unknown name."""
+        """Returns an entry's source, which stays open until another entry is asked for. Raises ValueError for a name
+        that is not listed."""
         if not isinstance(name, str) or name not in self.names:
             raise ValueError("there is no such entry, or it lies outside of the folder that is shown")
         with self._one_at_a_time:
@@ -76,7 +77,8 @@ def _entries(root: Path) -> list[Path]:
 
 
 def _below(folder: Path, depth: int) -> Iterator[Path]:
-    """Yields captures, scenes and picture folders up to `depth` levels below a folder, by name. It follows no links."""
+    """Yields the captures, scenes and picture folders up to `depth` levels below a folder, in order of their names. It
+    follows no links and does not look into captures."""
     if depth == 0 or not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
@@ -95,7 +97,8 @@ def is_pictures(folder: Path) -> bool:
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
     """Returns a capture of all infrared pairs in a folder. Its cameras are those that a file of `simulate` or
-    `generate` there states. config: gives the cameras otherwise. Raises ValueError without pairs."""
+    `generate` there states. config: gives the cameras if there is no such file, resized to the images. Raises
+    ValueError without pairs."""
     pairs = _pairs(folder)
     size, bits = image_size(pairs[0][0]), 8 * read_gray(pairs[0][0]).dtype.itemsize
     frames = tuple(

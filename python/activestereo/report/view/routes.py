@@ -75,14 +75,16 @@ class Routes:
         return packed({"camera": camera, "effects": positions.present_effects(exposure.model)})
 
     def surface(self, given: dict[str, Any]) -> bytes:
-        """Answers with the name and sliders of the material at pixel u, v of the left image; name null without any."""
+        """Answers with the name and sliders of the material at pixel u, v of the left image; the name is null without a
+        surface."""
         simulation, exposure, settings = self._asked(given)
         found = simulation.surface(exposure, settings, _whole(given, "u"), _whole(given, "v"))
         name, values = (None, None) if found is None else found
         return packed({"name": name, "sliders": positions.surface_sliders(values) if values else []})
 
     def save(self, given: dict[str, Any]) -> bytes:
-        """Writes a model.json with the page's settings. Answers with its path and a remark on what it cannot hold."""
+        """Writes a model.json of the sensor with the page's settings applied. Answers with its path and a
+        remark on settings that it cannot hold."""
         _, exposure, settings = self._asked(given)
         model, remark = saved_model(exposure, settings)
         with free_name(self._save_as) as path:
@@ -108,7 +110,8 @@ class Routes:
         return _answer(taken)
 
     def _asked(self, given: dict[str, Any]) -> tuple[Simulation, Exposure, Settings]:
-        """Returns the simulation, exposure and settings that a call names. Raises ValueError without a scene."""
+        """Returns the simulation, the exposure and the settings that a call names. Raises ValueError without a
+        scene."""
         source = self._library.source(given.get("entry"))
         simulation = source.simulation()
         if simulation is None:
@@ -130,7 +133,8 @@ def _answer(pictures: Pictures) -> bytes:
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:
-    """Packs an answer. content: for its JSON. images: {name: [height][width], float32, uint8 or uint32}; NaN = none."""
+    """Packs an answer. content: for its JSON. images: {name: [height][width] of float32, uint8 or uint32}; NaN = no
+    value."""
     arrays, parts, size = {}, [], 0
     for name, image in (images or {}).items():
         data = np.ascontiguousarray(image).astype(image.dtype.newbyteorder("<"), copy=False).tobytes()
@@ -166,7 +170,8 @@ def saved_model(exposure: Exposure, settings: Settings) -> tuple[SensorModel, st
 
 @contextmanager
 def free_name(path: Path) -> Iterator[Path]:
-    """Yields `path`, or a new numbered one, model-2.json, reserved by an empty file that goes if the block fails."""
+    """Yields `path`, or if it exists a numbered one: model.json, model-2.json. An empty file reserves the name at once;
+    it is removed if the block fails."""
     for number in range(1, _MOST_NUMBERS):
         name = path if number == 1 else path.with_name(f"{path.stem}-{number}{path.suffix}")
         try:

@@ -86,7 +86,8 @@ class Guard:
         return "/".join(rest)
 
     def body_bytes(self, headers: Message) -> int:
-        """Returns a call's size in bytes. Raises Refused without origin, size or JSON type, or if it is too large."""
+        """Returns the size of a call's body in bytes. Raises Refused if the origin, the size or the JSON content type
+        is missing, or the body is too large."""
         if headers.get("Origin") is None:
             raise Refused(HTTPStatus.FORBIDDEN, "a call needs the header Origin")
         if headers.get("Content-Type", "").partition(";")[0].strip().lower() != _JSON:

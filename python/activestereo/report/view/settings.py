@@ -72,7 +72,8 @@ class Settings:
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
-        """Returns the model with these settings' effects and surface values. None: the model's own effects."""
+        """Returns the model with these settings' effects and surface values. If `effects` is None the model keeps its
+        own effects."""
         known = {entry.effect.id: entry for entry in model.effects}
         if self.effects is not None:
             model = replace(model, effects=())
@@ -95,7 +96,8 @@ class Settings:
 
 
 def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[str]) -> Settings:
-    """Parses a call's settings. library: {id: Effect} and material_names: what they may name. Raises ValueError."""
+    """Parses the settings in a call's JSON object. library: {id: Effect} and material_names: what the settings may
+    name. Raises ValueError with the fault."""
     given = _object(given, "settings")
     for key in given:
         if key not in _KEYS:
@@ -158,7 +160,8 @@ def _slider(
 
 
 def camera_sliders(config: StereoDepthSensorConfig) -> list[dict[str, Any]]:
-    """Returns the sliders of exposure, gain and laser power, at the configuration's values."""
+    """Returns the sliders of exposure, gain and laser power. Their values are the configuration's; under automatic
+    exposure the picture itself states exposure and gain."""
     ratios = (("exposure_s", "exposure", "s", config.ir_camera_exposure), ("gain", "gain", "", config.ir_camera_gain))
     out = []
     for name, label, unit, value in ratios:
@@ -178,7 +181,8 @@ def surface_sliders(values: Mapping[str, float]) -> list[dict[str, Any]]:
 
 
 def catalogue(effects: Mapping[str, Effect]) -> list[dict[str, Any]]:
-    """Returns, for JSON, every effect that the page can add, with sliders at typical values."""
+    """Returns every effect that the page can add, with its summary and a slider for each numeric parameter, at its
+    typical value, for JSON."""
     out = []
     for effect in effects.values():
         sliders = []

@@ -55,7 +55,8 @@ class Exposure:
 @dataclass(frozen=True)
 class Pictures:
     """An infrared pair and its disparity. left, right: DN, float32 [height][width]. disparity_px: of the left image,
-    NaN = none; None without depth. Depth is focal_baseline_px_m / disparity. render_s: a simulation's time."""
+    NaN = none; None without depth. Depth in metres is focal_baseline_px_m / disparity. render_s: the time that a
+    simulation took."""
 
     left: NDArray[np.float32]
     right: NDArray[np.float32]
@@ -101,7 +102,8 @@ class Simulation:
                 raise Superseded from error
 
     def surface(self, exposure: Exposure, settings: Settings, u: int, v: int) -> tuple[str, dict[str, float]] | None:
-        """Returns (material name, {field of SURFACE_FIELDS: value}) at pixel u, v of the left image; None if none."""
+        """Returns (material name, {field of SURFACE_FIELDS: its value}) at pixel u, v of the left image; None if no
+        surface is there."""
         with self._one_at_a_time, self._sensor(exposure, settings, is_draft=True) as sensor:
             numbers = sensor.get_picture("material_id", "left")[..., 0]
             materials = [self._scene.get_material(n) for n in range(self._scene.summary.material_count)]
@@ -136,7 +138,8 @@ class Simulation:
 
 
 def drawn_from_left(config: StereoDepthSensorConfig) -> StereoDepthSensorConfig:
-    """Returns the configuration with the left infrared camera as colour camera, and its pattern drawn."""
+    """Returns the configuration with the left infrared camera in the colour camera's place. Its pattern is drawn here,
+    once for all pictures."""
     out, drawn = config.seen_from_left(), pattern_of(config)
     out.light_pattern = None if drawn is None else drawn[0]
     return out

@@ -70,12 +70,14 @@ class CaptureSource:
         ]
 
     def facts(self) -> dict[str, object]:
-        """Returns the left camera's size, max_dn, K and focal_baseline_px_m, for the page's depth and points."""
+        """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
+        depth and points."""
         rig = self._capture.rig
         return _facts("capture", rig.left.size, rig.max_dn, rig.left.K, self._focal_baseline_px_m)
 
     def measured(self, frame_id: int) -> Pictures:
-        """Returns one measured frame with the device's depth, or with depth matched from the pair without it."""
+        """Returns one measured frame with the device's depth, or with depth matched from the pair if the device gave
+        none."""
         frame, capture = self._frame(frame_id), self._capture
         left, right = (capture.ir(frame, side) for side in ("left", "right"))
         depth = capture.depth(frame)
@@ -131,7 +133,8 @@ class CaptureSource:
 
     @computed_once
     def _model(self) -> SensorModel:
-        """Returns the sensor's model: the given figures, the capture's rig and pattern, fitted light and noise."""
+        """Returns the sensor's model: the given figures, completed by the capture's rig and pattern and by fitted light
+        and noise."""
         capture, given = self._capture, self._given
         rig, projector = capture.rig, capture.rig.projector
         pattern = given.pattern or Pattern(projector.K, projector.pattern_path)

@@ -63,7 +63,8 @@ def convert(path: str | PathLike[str], glb: str | Path, time_s: float | None = N
 def load_usd(
     scene: kuafu.Scene, path: str | PathLike[str], time_s: float | None = None, unit_m: float = 1.0
 ) -> Converted:
-    """Adds the stage at `path` to the scene. unit_m: factor on its metres. Raises UsdError and Scene.load's errors."""
+    """Adds the stage at `path` to the scene. unit_m: factor on its size in metres. Raises UsdError of one line, and the
+    errors of Scene.load."""
     with tempfile.TemporaryDirectory() as folder:
         glb = Path(folder) / "stage.glb"
         converted = convert(path, glb, time_s)
@@ -144,7 +145,8 @@ class _Conversion:
             self.shown += 1
 
     def _mesh_of(self, prim: Any) -> list[int]:
-        """Returns the prim's meshes in the glTF file, one for each material. Instances share their prototype's."""
+        """Returns the indices of the prim's meshes in the glTF file, one for each material. Instances share those of
+        their prototype."""
         from pxr import UsdGeom, UsdShade
 
         binding = UsdShade.MaterialBindingAPI(prim)

@@ -44,7 +44,8 @@ class Stage:
         return fallback if value is None else value
 
     def vectors(self, attribute: Any, size: int = 3) -> np.ndarray:
-        """Returns an attribute's vectors [n, size]; [0, size] without a value or, with a message, for another kind."""
+        """Returns an attribute's vectors [n, size]; [0, size] without a value. A value of another kind also gives [0,
+        size], with a message."""
         value = self.value(attribute)
         if value is None:
             return np.empty((0, size))
@@ -71,7 +72,8 @@ class Stage:
 
 
 def open_stage(path: Path, time_s: float | None) -> Stage:
-    """Opens a stage at seconds after its start, or at each attribute's earliest sample (None). Raises UsdError."""
+    """Opens a stage at a time: seconds after its start, or None for each attribute's earliest sample. Raises
+    UsdError."""
     missing = f"{path}: USD is read by the package usd-core, which is missing: pip install usd-core, or export glTF"
     Tf, Usd = (imported(name, missing, UsdError) for name in ("pxr.Tf", "pxr.Usd"))
     if not path.is_file():
@@ -146,7 +148,8 @@ class Polygons:
 
 
 def _cut_concave(cut: Polygons, points: np.ndarray) -> Polygons:
-    """Replaces the triangle fans of concave faces by ear clipping. points: [n, 3], the mesh's."""
+    """Replaces the triangle fans of concave faces by ear clipping. Other faces keep their fans. points: [n, 3], the
+    mesh's."""
     count, face = np.bincount(cut.corner_face, minlength=cut.face_count), cut.corner_face
     first, corners, places = np.cumsum(count) - count, cut.corners.copy(), points[cut.vertices]
     # 1. Faces with a corner that turns against the face's normal are concave.
@@ -252,7 +255,8 @@ def triangles_of(stage: Stage, mesh: Any) -> tuple[Polygons, Mesh] | None:
 
 
 def textured(stage: Stage, mesh: Any, cut: Polygons, whole: Mesh, uv_name: str) -> Mesh:
-    """Returns triangles_of()'s Mesh with texture coordinates of the primvar `uv_name`; unchanged without it."""
+    """Returns the Mesh of triangles_of() with texture coordinates from the primvar `uv_name`; unchanged if there is
+    none."""
     uvs = _primvar(stage, mesh.GetPrim(), uv_name, cut)
     if uvs is None:
         return whole

@@ -25,7 +25,8 @@ _SHARE = "activestereo:ir_share"  # a light's attribute: a kind of lamp, or a nu
 
 
 def radiance(stage: Stage, api: Any) -> np.ndarray:
-    """Returns a light's linear RGB radiance [3], W/(sr m^2), before `normalize`. Raises UsdError for invalid."""
+    """Returns a light's linear RGB radiance [3], W/(sr m^2), before `normalize` is applied. Raises UsdError if it is
+    negative or not finite."""
     from pxr import UsdLux
 
     color = np.array(stage.value(api.GetColorAttr(), (1, 1, 1)), dtype=float)
@@ -45,7 +46,8 @@ def radiance(stage: Stage, api: Any) -> np.ndarray:
 
 
 def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, to_world: np.ndarray) -> None:
-    """Adds a light, no dome, to glTF. to_stage, to_world: 4x4 from the light to the stage's unit and to metres."""
+    """Adds a light other than a dome light to the glTF file. to_stage, to_world: 4x4 from the light to the stage's unit
+    and to metres."""
     from pxr import UsdLux
 
     name, kind, api = str(prim.GetPath()), str(prim.GetTypeName()), UsdLux.LightAPI(prim)
@@ -284,7 +286,8 @@ class Surfaces:
         return float(value)
 
     def _value(self, shader: Any, key: str, fallback: Any = None) -> Any:
-        """Returns the value of an input, or of the material's input behind it; `fallback` if a shader computes it."""
+        """Returns the value of an input, or of the material's input that it is connected to; `fallback` if a shader
+        computes it."""
         from pxr import UsdShade
 
         entry = shader.GetInput(key)

@@ -113,7 +113,8 @@ def in_front(
     beside: NDArray[np.float64], column: NDArray[np.float64], inverse_depth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Returns the difference of two cameras' inverse depths, 1/m; above 0 the other camera sees a nearer surface. It is
-    `beside`, the other camera's, at `column` of the row, or the nearest in the image, less inverse_depth."""
+    `beside`, the other camera's inverse depth, at `column` of the same row, less inverse_depth. Columns outside the
+    image read its nearest column."""
     place = np.clip(np.rint(column), 0, beside.shape[-1] - 1).astype(np.intp)
     return np.take_along_axis(beside, place, axis=-1) - inverse_depth
 
@@ -159,14 +160,16 @@ _SATURATED_SHARE = 0.1  # share of the block's pixels
 def hidden_from_right(
     config: StereoDepthSensorConfig, inverse_depth: Floats, right_inverse_depth: Floats
 ) -> NDArray[np.bool_]:
-    """Returns whether a nearer surface hides a left pixel from the right camera. Takes both inverse depths, 1/m."""
+    """Returns [E, height, width]: whether a nearer surface hides the left view's pixel from the right camera. Takes
+    both views' inverse depths, 1/m."""
     column = _right_column(config, inverse_depth)
     in_front_px = config.focal_baseline_px_m * in_front(right_inverse_depth, column, inverse_depth)
     return np.asarray((in_front_px > _HIDDEN_PX) & (column >= 0))
 
 
 def _right_column(config: StereoDepthSensorConfig, inverse_depth: Floats) -> Floats:
-    """Returns the right image's column of each left pixel's surface, [E, height, width]. inverse_depth: left, 1/m."""
+    """Returns the column, in pixels, at which the right image shows the surface of each pixel of the left image, [E,
+    height, width]. inverse_depth: the left image's, 1/m."""
     k_left, k_right = ir_intrinsics(config, False)[0], ir_intrinsics(config, True)[0]
     disparity = config.focal_baseline_px_m * inverse_depth
     return np.asarray(np.arange(disparity.shape[-1]) - disparity + (k_right[0, 2] - k_left[0, 2]))
@@ -244,7 +247,8 @@ def traced_causes(sensor: Any, reason: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def mean_and_deviation(
     images: NDArray[Any], window: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns (mean, standard deviation) over a window around each pixel. window: its pixels along each axis."""
+    """Returns (mean, standard deviation) over a window around each pixel. Borders repeat the edge pixels. window: its
+    size in pixels along each axis of `images`."""
     values = np.asarray(images, np.float64)
     mean = uniform_filter(values, window, mode="nearest")
     return mean, np.sqrt(np.maximum(uniform_filter(values**2, window, mode="nearest") - mean**2, 0.0))

@@ -58,7 +58,8 @@ class MaterialNumbers:
         self._ids_on_cuda: Any = None
 
     def ids(self, numbers: NDArray[Any], unknown: np.uint32 | int = _NONE) -> NDArray[np.uint32]:
-        """Returns the scene's material ids of the caller's numbers, of any shape; `unknown` without a material."""
+        """Returns the scene's material ids for kuafu's light_gbuffers(). numbers: the caller's, of any shape; those
+        without a material get `unknown`."""
         ids = self._ids[self._places(numbers)]
         return np.where(ids == _NONE, np.uint32(unknown), ids)
 
@@ -77,7 +78,8 @@ class MaterialNumbers:
         return self._is_odd[self._places(numbers)]
 
     def require_known(self, numbers: NDArray[Any], depth: NDArray[Any]) -> None:
-        """Raises ValueError if a surface (depth > 0) has an unknown material number, with its environment and pixel."""
+        """Raises ValueError if a surface (depth > 0) has a material number that is unknown, with its environment and
+        pixel."""
         is_bad = (self.ids(numbers) == _NONE) & (depth > 0) & np.isfinite(depth)
         if is_bad.any():
             environment, v, u = (int(i) for i in np.unravel_index(int(np.argmax(is_bad)), is_bad.shape))
@@ -106,7 +108,8 @@ def host_image(name: str, values: Any, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def require_metres(name: str, depth: NDArray[Any]) -> None:
-    """Raises ValueError if depth [...] seems to be in millimetres: every surface is beyond 50 m, at several depths."""
+    """Raises ValueError if depth [...] is likely in millimetres: every surface is beyond 50 m, and their depths
+    differ."""
     there = depth[np.isfinite(depth) & (depth > 0)]
     if there.size and there.min() > _FURTHEST_NEAR_M and there.max() > 1.01 * there.min():
         raise ValueError(
@@ -131,7 +134,8 @@ def _red(name: str, image: Any, shape: tuple[int, ...]) -> Any:
 
 
 class InputImages:
-    """Holds the memory from which kuafu reads one camera's depth, normal, albedo, material, once given."""
+    """Holds the memory from which kuafu reads one camera's images [E, height, width]: depth, normal, albedo, material.
+    Each is allocated when it is first given."""
 
     def __init__(self, device: kuafu.Device, shape: tuple[int, ...], materials: MaterialNumbers) -> None:
         self._device, self._shape, self._materials = device, shape, materials
@@ -140,7 +144,8 @@ class InputImages:
         self._seen_by_cuda: dict[str, Any] = {}
 
     def put(self, given: Mapping[str, Any]) -> dict[str, kuafu.Buffer]:
-        """Copies the images that are not None to memory for kuafu's light_gbuffers(), and returns {name: buffer}."""
+        """Copies the images that are not None to the memory that kuafu's light_gbuffers() reads, and returns {name:
+        buffer}."""
         found = {}
         for name, values in given.items():
             if values is None:
@@ -406,7 +411,8 @@ class GBufferStereo:
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
         """Raises ValueError unless `given` has depth, and material (albedo if the sensor has no materials). On the
-        host, depth must be metres and material numbers known. whose: the camera's name in the message."""
+        host, depth must be in metres and the surfaces' material numbers known. whose: the camera's name in the
+        message."""
         if given.get("depth") is None:
             raise ValueError(f"{whose}depth is missing")
         if not getattr(given["depth"], "is_cuda", False):
