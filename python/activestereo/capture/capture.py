@@ -386,8 +386,12 @@ def usual_samples(capture: Capture) -> int:
 
 def usual_binning(capture: Capture) -> int:
     """Returns the default side, in pixels, of the square blocks over which a capture's images are averaged."""
-    pixels = _pixels(capture.rig)
-    return 1 if pixels <= MOST_PIXELS else int(np.ceil(np.sqrt(2.0 * pixels / MOST_PIXELS)))
+    return 1 if _pixels(capture.rig) <= MOST_PIXELS else binning_to(capture, MOST_PIXELS // 2)
+
+
+def binning_to(capture: Capture, most_pixels: int) -> int:
+    """Returns the least side, in pixels, of square blocks whose means make images of at most most_pixels."""
+    return int(np.ceil(np.sqrt(_pixels(capture.rig) / most_pixels)))
 
 
 def _pixels(rig: Rig) -> int:

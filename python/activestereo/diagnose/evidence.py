@@ -206,9 +206,11 @@ def one_of_each_situation(
         f = o.frame
         setting = f.exposure_gain, f.projector_power, f.ambient, f.temperature_c, f.is_moving
         pose, poses = f.camera_to_world.tobytes(), poses_of.setdefault(setting, set())
-        is_room = not poses or (len(poses) + 1) * o.measured.size <= most_pixels
-        if o is left or (o.side == "right" and pose not in poses and is_room):
-            poses |= {pose} if o.side == "right" else set()
+        has_place = not poses or (len(poses) + 1) * o.measured.size <= most_pixels
+        is_new = o.side == "right" and pose not in poses and has_place
+        if is_new:
+            poses.add(pose)
+        if is_new or o is left:
             rng = np.random.Generator(np.random.PCG64([_SEED, len(chosen), seed]))
             picked = np.sort(rng.permutation(o.pixels)[: int(share * o.pixels)])
             chosen.append(replace(o, pick=picked if o.pick is None else o.pick[picked]))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from activestereo.capture.capture import Capture, Frame, binned
+from activestereo.capture.capture import Capture, Frame, binned, binning_to
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.kept import FitCache
@@ -35,7 +35,7 @@ def richest_view(capture: Capture) -> Capture:
 def with_small_images(capture: Capture) -> Capture:
     """Returns the capture with images averaged over blocks, so that they have few enough pixels for a first guess."""
     whole = capture.whole or capture
-    size = int(np.ceil(np.sqrt(np.prod(whole.rig.left.size) / _MOST_PIXELS)))
+    size = binning_to(whole, _MOST_PIXELS)
     return capture if size <= capture.binning else binned(whole, size)
 
 
