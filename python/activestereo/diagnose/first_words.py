@@ -46,8 +46,9 @@ def first_words(
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return "the infrared images of the view looked at first are blank"
     memory = FitCache(kept, evidence.train)
+    quick = [effect for effect in effects if not effect.starts_late]
     try:
-        likely = Search(evidence, model, effects, Settings(workers, numbers=numbers, memory=memory)).look()
+        likely = Search(evidence, model, quick, Settings(workers, numbers=numbers, memory=memory)).look()
     finally:
         memory.save()
     return f"looks like {', '.join(likely[:_NAMES])}" if likely else "no effect of images fits the view looked at first"

@@ -224,7 +224,7 @@ def second_projector(
 
 
 @engine_effect(
-    stage=Stage.SURFACE, family="second projector", starts=room_unit_starts, moves=("lights",),
+    stage=Stage.SURFACE, family="second projector", starts=room_unit_starts, starts_late=True, moves=("lights",),
     finding="A second projector stands in the room",
     source="overlapping units: holes where two patterns meet (librealsense issue 516)",
     parameters=[

@@ -14,11 +14,14 @@ from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import Evidence
+from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refit import _Rendered
 from activestereo.effects import Effect, Model, builtin
+from activestereo.effects.core.descriptor import StartImage
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
@@ -32,6 +35,15 @@ def evidence(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
     world = make_world(folder, grid=1)
     capture = read_capture(world.capture_path)
     return gather(capture, render_frames(capture, WorldRenderer(world), cache=LayerCache(folder / "cache")))
+
+
+def test_a_first_guess_leaves_out_what_takes_long_to_start(evidence: Evidence, tmp_path: Path) -> None:
+    def slow(images: list[StartImage]) -> list[dict[str, float]]:
+        raise AssertionError("a first guess waits for starting values")
+
+    late = replace(builtin()["room_projector"], starts=slow)
+    words = first_words(evidence, Model(), [late], 1, NUMBERS, LayerCache(tmp_path))
+    assert late.starts_late and words.startswith("no effect of images fits")
 
 
 def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> Solution:

@@ -220,9 +220,10 @@ class Effect:
     engine(inputs, **parameters): changes the fields engine_fields of EngineInputs in place, see engine.py. None: no
     engine field expresses the effect, for the reason in image_only. judged: how the lab finds the effect if it does not
     change the expected image. starts: proposes starting values of a fit, where a coarse scan of the parameters would
-    miss the optimum. finding: the sentence that a verdict shows, without its full stop. remembers: the effect gets its
-    result for the frame before in view.before. is_pointwise: each pixel's light depends on that pixel alone, so that
-    fits compute only some pixels. At READOUT it means that all pixels follow one curve.
+    miss the optimum. starts_late: these take so long that a first guess leaves the effect out. finding: the sentence
+    that a verdict shows, without its full stop. remembers: the effect gets its result for the frame before in
+    view.before. is_pointwise: each pixel's light depends on that pixel alone, so that fits compute only some pixels. At
+    READOUT it means that all pixels follow one curve.
     """
 
     id: str
@@ -238,6 +239,7 @@ class Effect:
     image_only: str = ""
     judged: tuple[Judgement, ...] = ()
     starts: Starts | None = None
+    starts_late: bool = False
     finding: str = ""
     remembers: bool = False
     is_pointwise: bool = False
