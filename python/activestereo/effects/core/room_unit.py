@@ -114,17 +114,18 @@ def pixels_of(
 
 class PlaneMatch:
     """Finds the pan and tilt, near a known pose, at which a projector's blurred pattern fits the residual best. It
-    correlates on an image plane twice the pattern's size. Poses are (x, y, z, azimuth, elevation, roll), metres and
-    radians."""
+    tries those that keep the pattern on an image plane `margin` times its size. Poses are (x, y, z, azimuth, elevation,
+    roll), metres and radians."""
 
-    def __init__(self, view: View, sigma_rad: float, focal_px: float) -> None:
+    def __init__(self, view: View, sigma_rad: float, focal_px: float, margin: float = 2.0) -> None:
         pattern, self._K = blurred_pattern(view, sigma_rad, focal_px)
-        self._shape = fft.next_fast_len(2 * pattern.shape[0], True), fft.next_fast_len(2 * pattern.shape[1], True)
+        height, width = (fft.next_fast_len(round(margin * n), True) for n in pattern.shape)
+        self._shape, self._before = (height, width), ((height - pattern.shape[0]) // 2, (width - pattern.shape[1]) // 2)
         plane = np.zeros(self._shape, np.float32)
         plane[: pattern.shape[0], : pattern.shape[1]] = pattern - pattern.mean()
         self._of_pattern, self._of_square = (np.conj(fft.rfft2(x)) for x in (plane, plane**2))
         # Tangents of the tilts and pans to which a shift of the pattern by so many rows and columns belongs.
-        shifts = (np.where(k < 0.75 * n, k, k - n) - n / 4 for n in self._shape for k in [np.arange(n)])
+        shifts = (np.arange(2 * before + 1) - before for before in self._before)
         self._tilts, self._pans = (k / focal for k, focal in zip(shifts, (self._K[1, 1], self._K[0, 0]), strict=True))
 
     def best(
@@ -135,7 +136,7 @@ class PlaneMatch:
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
         height, width = self._shape
-        row, column, inside = pixels_of(way @ turn, self._K, self._shape, (height / 4, width / 4))
+        row, column, inside = pixels_of(way @ turn, self._K, self._shape, self._before)
         inside &= lit > 0
         at, lit = (row * width + column)[inside], np.where(inside, lit, 0.0)
         left, lit, weight = seen.fit_even_beam(lit)[inside], lit[inside], seen.weight[inside]
@@ -145,14 +146,15 @@ class PlaneMatch:
         gain = strength * np.maximum(moment, 0.0)
         gain[np.abs(self._tilts) > most[0]] = 0.0
         gain[:, np.abs(self._pans) > most[1]] = 0.0
-        i, j = np.unravel_index(int(np.argmax(gain)), self._shape)
+        i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
         ahead = np.array([self._pans[j], self._tilts[i], 1.0])
         turned = np.array([*pose[:3], *angles(turn @ ahead), pose[5]])
         return float(gain[i, j]), float(strength[i, j]), turned
 
     def _correlated(self, at: np.ndarray, values: np.ndarray, conjugate: np.ndarray) -> np.ndarray:
         plane = np.bincount(at, values, self._shape[0] * self._shape[1]).reshape(self._shape).astype(np.float32)
-        return fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
+        circular = fft.irfft2(fft.rfft2(plane) * conjugate, self._shape)
+        return circular[: len(self._tilts), : len(self._pans)]
 
     def polished(self, seen: SeenPoints, pose: np.ndarray, size: float, trials: int) -> np.ndarray:
         """Varies place and roll from `pose` by the simplex method, with the best pan and tilt for each. Returns the
@@ -255,8 +257,8 @@ _MOST_OF_GRID = 200_000
 # The pattern's blur (Gaussian, radians) and resolution (focal length, pixels) in the search and in the polish.
 COARSE, _FINE = (4.0 / 592.0, 148.0), (2.0 / 592.0, 296.0)
 _ROUGHLY_POLISHED, _POLISHED, _STARTS = 16, 3, 2
-# Places that a rough polish and a polish try.
-_ROUGH_TRIALS, _TRIALS = 40, 90
+# Places that a rough polish and a polish try. A place within a few centimetres turns the pattern by a few degrees.
+_ROUGH_TRIALS, _TRIALS, _MARGIN = 40, 90, 1.25
 # Detail finer than this many pixels is dots or noise. Where its mean square is less than this multiple of the noise, no
 # unit shows and nothing is searched. Noise grows with light that the model lacks, which is as smooth as the second
 # scale. Speckle is at most this share of light. Detail that follows the model's own is fitted in blocks of _BLOCK_PX.
@@ -285,7 +287,7 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     if len(places) == 0:
         return [{}]
     found = SphereMatch(view, *COARSE).best(few, places)
-    coarse, exact = PlaneMatch(view, *COARSE), PlaneMatch(view, *_FINE)
+    coarse, exact = PlaneMatch(view, *COARSE, _MARGIN), PlaneMatch(view, *_FINE, _MARGIN)
     poses = [pose for _, pose in nlargest(_ROUGHLY_POLISHED, found, _gain)]
     rough = [coarse.polished(few, pose, 0.02, _ROUGH_TRIALS) for pose in poses]
     rough = nlargest(_POLISHED, rough, lambda pose: coarse.best(seen, pose)[0])
