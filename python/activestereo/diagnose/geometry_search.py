@@ -47,8 +47,9 @@ _PIXEL_SHARE, _MOST_PIXELS, _SEED = 0.25, 12_000, 13
 _LENS, _WORTH = "camera.distortion", 0.2
 # Lens parameters to try, in typical values; the scan uses every so manyth pixel of the chosen images.
 _SCANNED, _SCANNED_PIXEL = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0), 4
-# Images are rendered again if corrections change them by more than this share of the noise, root mean square.
-_LINEAR_SHARE = 0.1
+# Images are rendered again if corrections change them by more than the first share of the noise, root mean square. By
+# more than the second, the search begins with blurred images.
+_LINEAR_SHARE, _FAR_SHARE = 0.1, 0.25
 # A moving view may be off by so many times the error of the views at rest, and by so many stated deviations.
 _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
 # A survey is never off by so many stated deviations: a misfitting model moves the rig to hide its error.
@@ -166,16 +167,17 @@ def _searched(
     draft: Render | None = None,
 ) -> Evidence:
     """Searches the geometry, and returns the evidence rendered there. start: returns the evidence to start from and
-    _step() there. With blurs it makes one step per blur and a last sharp step, else two sharp steps. Blurred images
-    reveal larger errors, but are used only if sharp images need a correction. draft: as of gather_where_it_stands().
+    _step() there. If sharp images need a large correction, it makes one step per blur and a last sharp step, because
+    blurred images reveal larger errors; else two sharp steps. draft: as of gather_where_it_stands().
     Only one evidence is held at a time, since those of large images take gigabytes."""
     evidence, step = start()
-    is_off = _change(evidence, step.focal, step.twists) >= _LINEAR_SHARE
+    change, seed = _change(evidence, step.focal, step.twists), evidence.seed
+    rough = blurs_px if change >= _FAR_SHARE else ()
     # Without blurs the first step counts: a view's move has hidden the model's effect so far.
-    plan: list[float | None] = [*blurs_px, 0.0] if blurs_px else [None, 0.0]
-    seed, is_draft = evidence.seed, False
-    for number, sigma_px in enumerate(plan if is_off else (), 1):
-        by = render if draft is None or number == len(plan) else draft
+    plan: list[float | None] = [*rough, 0.0] if rough else [None, 0.0]
+    is_draft = False
+    for number, sigma_px in enumerate(plan if change >= _LINEAR_SHARE else (), 1):
+        by = draft if draft is not None and rough and number < len(plan) else render
         if sigma_px is not None:
             step = _step(evidence, model, sigma_px)
         geometry = _corrected(evidence, step.focal, step.twists)
