@@ -23,7 +23,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution, fit_key
 from activestereo.diagnose.kept import content_key
-from activestereo.diagnose.linear import linearised
+from activestereo.diagnose.linear import linearised, scores
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.selection import Candidate
 from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
@@ -34,6 +34,8 @@ from activestereo.effects import Effect, Light, Model, Stage, View, known_differ
 _RENDER_ROUNDS, _RENDER_STEPS, _LAST_SAMPLES = 2, 4, 4
 _STEP_TYPICAL, _STEP_DISTANCE = 0.2, 0.15
 _TRUSTED, _SETTLED = 6.0, 0.5
+# Parameters imitate less than this share of noise.
+_IMITATED = 0.1
 _Images = Mapping[ImageKey, np.ndarray]
 # Nodes of the piecewise linear curve, evenly spaced in the logarithm of the value; steps of the fit with it.
 _NODES, _CURVE_STEPS = 10, 4
@@ -88,23 +90,28 @@ class _Rendered:
 
 def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> Solution:
     """Renders the last effect of a fit, replaces its formula by the rendered changes, and fits again. Returns the best
-    fit, which is `start` if no new fit is better."""
+    fit, which is `start` if no new fit is better, or if the first render tells that none will be."""
     effect, own = start.effects[-1], slice(len(start.theta) - len(start.effects[-1].parameters), None)
 
     def change(values: np.ndarray, samples: int = 1) -> _Images:
         named = {p.name: float(np.clip(v, p.low, p.high)) for p, v in zip(effect.parameters, values, strict=True)}
         return rendering(Model().with_effect(effect, **named), samples)
 
+    def emulated(values: np.ndarray, here: _Images, slopes: Sequence[_Images]) -> Effect:
+        return _Rendered(effect, values.copy(), here, tuple(slopes)).emulated()
+
     def fitted(values: np.ndarray, here: _Images, slopes: Sequence[_Images], near: Solution) -> Solution:
-        emulated = _Rendered(effect, values.copy(), here, tuple(slopes)).emulated()
-        pairs = tuple((emulated if e.id == emulated.id else e, p) for e, p in start.space.pairs)
+        rendered = emulated(values, here, slopes)
+        pairs = tuple((rendered if e.id == effect.id else e, p) for e, p in start.space.pairs)
         theta = np.concatenate([near.theta[: own.start], values])
         return fitter.refine(replace(start.space, pairs=pairs), theta, near.phi, _RENDER_STEPS)
 
     best = solution = start
-    theta, slopes = start.theta[own], list[_Images]()
+    theta, slopes = start.theta[own], list[_Images]([{}] * len(effect.parameters))
     for _ in range(_RENDER_ROUNDS):
         here, steps = change(theta), _steps(effect, theta)
+        if solution is start and not _tells_more(fitter, start, emulated(theta, here, slopes)):
+            return start
         slopes = []
         for j, (p, step) in enumerate(zip(effect.parameters, steps, strict=True)):
             if p.scales_light and theta[j]:  # one render tells all its values
@@ -122,6 +129,21 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
             break
     finer = fitted(theta, change(theta, _LAST_SAMPLES), slopes, solution)
     return min(best, finer, key=lambda s: s.sums.total)
+
+
+def _tells_more(fitter: Fitter, fit: Solution, rendered: Effect) -> bool:
+    """Returns whether a render of the last effect of a fit tells more than its formula. rendered: the effect with its
+    render of usual samples.
+
+    The render's difference from the formula, d, has a part that the fitted parameters imitate. If that is not noise,
+    the parameters are others. With the other part the residual r correlates as E r d = e, the square of the formula's
+    error, while E d^2 = e + n, with the render's noise n. The render of _LAST_SAMPLES changes chi2 by n / samples - e.
+    """
+    linear, values = linearised(fitter, fit), fit.model.effects[-1][1]
+    d = linear.change(fit.model.with_effect(rendered, **values), linear.images(fit.model))
+    information, score = scores(linear, d[None]).select(slice(0, 1))
+    imitated = 1.0 - information[0, 0] / max(float(d @ d), 1e-12)
+    return bool(score[0] * (1 + _LAST_SAMPLES) > information[0, 0]) or imitated > _IMITATED
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:

@@ -178,15 +178,20 @@ def engine_law(x):
     return 1.3 * (np.exp(0.7 * x) - 1.0)
 
 
-@pytest.fixture(scope="module")
-def glowing(clean):
-    """A world whose ambient light follows the engine's formula, without noise."""
+def glowing_by(clean, law):
+    """A world whose ambient light follows a formula, without noise."""
 
     def exposed(o):
-        light = brightened(Light.of(o.layers), o.view, TRUTH, engine_law)
+        light = brightened(Light.of(o.layers), o.view, TRUTH, law)
         return replace(o, measured=Model().signal(light, o.view, clean.nuisances).astype(np.float32))
 
     return replace(clean, train=tuple(map(exposed, clean.train)))
+
+
+@pytest.fixture(scope="module")
+def glowing(clean):
+    """A world that follows the engine's formula."""
+    return glowing_by(clean, engine_law)
 
 
 def rendering_of(glowing, calls, law=engine_law):
@@ -224,13 +229,9 @@ def test_one_render_tells_all_strengths_of_what_scales_the_light(clean):
     def twice(x):
         return 2.0 * x
 
-    def exposed(o):
-        light = brightened(Light.of(o.layers), o.view, TRUTH, twice)
-        return replace(o, measured=Model().signal(light, o.view, clean.nuisances).astype(np.float32))
-
     [amount] = glow.parameters
     linear, calls = replace(glow, parameters=(replace(amount, scales_light=True),)), []
-    bright = replace(clean, train=tuple(map(exposed, clean.train)))
+    bright = glowing_by(clean, twice)
     fitter, proposed = proposed_by(bright, linear)
     refined = fitted_to_renders(fitter, proposed, rendering_of(bright, calls, twice))
     assert refined.theta[0] == pytest.approx(TRUTH, rel=1e-3) and len(calls) == 2
@@ -243,6 +244,18 @@ def test_a_search_by_small_steps_ends_with_what_its_rounds_reached(glowing):
     refined = fitted_to_renders(fitter, proposed, rendering_of(glowing, []))
     assert abs(refined.theta[0] - TRUTH) < abs(proposed.theta[0] - TRUTH)
     assert refined.sums.total < proposed.sums.total
+
+
+def test_images_with_more_noise_than_news_are_rendered_once(clean):
+    world, rng, calls = glowing_by(clean, lambda x: x), np.random.default_rng(3), []
+    exact = rendering_of(world, calls, lambda x: 1.001 * x)
+    fitter, proposed = proposed_by(world, glow)
+
+    def noisy(model, samples=1):
+        light = np.array([[[0.0]], [[0.0]], [[0.1 * world.train[0].layers.ambient.mean()]]])
+        return {key: change + light * rng.normal(size=change.shape) for key, change in exact(model).items()}
+
+    assert fitted_to_renders(fitter, proposed, noisy) is proposed and len(calls) == 1
 
 
 def test_a_fit_to_images_that_are_no_better_is_the_formulas(glowing):
