@@ -26,8 +26,8 @@ _LEAST = 1e-3
 # A surface shows an effect if it gains this part of the best surface's gain.
 _SHOWS = 0.05
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
-# best gain.
-_LINES, _POINTS, _NEAR = 2, 2, 0.3
+# best gain. Where a coefficient leads a narrow peak farther than this factor, the peak itself is a start, too.
+_LINES, _POINTS, _NEAR, _FAR = 2, 2, 0.3, 2.0
 # The power of calibrated(): it maximises the likelihood of the 31 sets with one true member in the training generations
 # 50525 and 81119, where 30 first members were right and 0.71 of them were expected to be.
 _SHARPER = 5.0
@@ -109,7 +109,10 @@ def _candidate(hits: list[Hit]) -> Candidate:
     best = hits[0]
     evidence = best.log_factor + np.log(np.exp([h.log_factor - best.log_factor for h in hits]).sum() / len(hits))
     if best.atom.effect.starts is not None:  # each of its points is a narrow peak of its own
-        return Candidate(best, float(evidence), tuple((h.atom, h.values()) for h in hits if h.gain > 0.0))
+        peaks = [h for h in hits if h.gain > 0.0]
+        starts = [(h.atom, h.values()) for h in peaks]
+        starts += [(h.atom, h.point()) for h in peaks if not 1.0 / _FAR < h.coefficients[0] < _FAR]
+        return Candidate(best, float(evidence), tuple(starts))
     points = sorted((h for h in hits if h.gain > _NEAR * best.gain and h.at_point > 0.0), key=lambda h: -h.at_point)
     starts = [(h.atom, h.values()) for h in hits[:_LINES] if h.gain > 0.0]
     starts += [(h.atom, h.point()) for h in points[:_POINTS]]

@@ -11,6 +11,7 @@ from activestereo.effects.core.descriptor import (
     RandomTerm,
     SharedBy,
     Stage,
+    StartImage,
     effect,
 )
 from activestereo.effects.core.engine import EngineInputs
@@ -200,8 +201,20 @@ def response_gamma(inputs: EngineInputs, log_exponent: float) -> None:
         side.signal["response_exponent"] *= np.exp(log_exponent)
 
 
+# The brightest pixel but for so large a part, the levels below it at which a well may be full, and the spill tried.
+_BRIGHTEST, _FULL_AT, _SPILL = 1e-3, (1.0, 0.85, 0.7, 0.5), 0.15
+
+
+def _wells(images: list[StartImage]) -> list[dict[str, float]]:
+    """Returns {lost_range, spill} of wells that are full at, or somewhat below, the brightest measured pixels."""
+    brightest = max(
+        (float(np.quantile(o.expected + o.residual, 1.0 - _BRIGHTEST)) / o.view.max_dn for o in images), default=0.0
+    )
+    return [{"lost_range": float(np.clip(1.0 - at * brightest, 0.0, 0.95)), "spill": _SPILL} for at in _FULL_AT]
+
+
 @engine_effect(
-    stage=Stage.CHARGE, family="saturation", moves=("signal.full_well_e", "signal.blooming"),
+    stage=Stage.CHARGE, family="saturation", starts=_wells, moves=("signal.full_well_e", "signal.blooming"),
     finding="Bright pixels saturate early and spill into their neighbours",
     source="Janesick, Photon Transfer, full well and blooming",
     parameters=[

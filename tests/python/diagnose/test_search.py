@@ -167,6 +167,7 @@ def fitted(name, chi2):
         (Remainder(2.7, -0.4, 0.001, -0.013), True, True, EFFECT),
         (Remainder(0.04, 0.0, 0.03, 0.03, drawn=0.04), True, True, EFFECT),
         (Remainder(0.04, 0.5, 0.03, 0.03, drawn=0.04), True, True, UNKNOWN),
+        (Remainder(0.25, 0.0, 0.02, 0.02, drawn=0.23, names=0), True, True, EFFECT),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.25), True, True, EFFECT),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.3, test_left=0.4), True, True, UNKNOWN),
         (Remainder(0.8, 0.02, 0.01, 0.6, test_explained=0.9, test_left=0.25, test_unlike=1.5), True, True, UNKNOWN),
@@ -290,6 +291,14 @@ def test_each_start_of_a_fit_comes_with_its_atom(name):
     atom = Atom(EFFECTS[name], EFFECTS[name].neutral_values, ((lead.name, 0.1),), (False,), (1.0,), 0)
     starts = _candidate([Hit(atom, None, np.ones(1), 1.0, 1.0, 0.5)]).starts
     assert starts and all(own is atom and values[lead.name] == lead.neutral + 0.1 for own, values in starts)
+
+
+def test_a_narrow_peak_is_a_start_itself_where_its_line_leads_far_away():
+    """A well that is full a little below its place cuts off five times as much: the line ends where it cuts nothing."""
+    effect = EFFECTS["saturation_blooming"]
+    atom = Atom(effect, effect.neutral_values, (("lost_range", 0.7),), (False,), (1.0,), 0)
+    found = _candidate([Hit(atom, None, np.full(1, 0.2), 1.0, 1.0, -2.0)])
+    assert [values["lost_range"] for _, values in found.starts] == [pytest.approx(0.14), 0.7]
 
 
 @pytest.mark.parametrize(("fraction", "u", "v"), [(0.2, 5.0, -2.0), (0.4, -3.0, 0.0)])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from activestereo.effects import Light, Model, Parameter, Randomness, Stage, broken_laws, builtin, effect
-from activestereo.effects.core.descriptor import Lever
+from activestereo.effects.core.descriptor import Lever, StartImage
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.compare.nuisances import Nuisances, predict
 
@@ -160,6 +160,16 @@ def test_saturation_keeps_charge_that_spills_and_caps_the_rest():
     assert out.max() == pytest.approx(0.6 * 255)
     assert out.sum() == pytest.approx(signal.sum())
     assert out[29, 40] == out[31, 40] > 10.0
+
+
+def test_a_well_is_proposed_where_the_brightest_pixels_are():
+    view = example_view()
+    expected = np.linspace(0.0, 200.0, 72 * 96).reshape(view.shape)
+    residual = np.minimum(expected, 102.0) - expected
+    image = StartImage(view, None, np.ones(view.shape), residual, expected, 1.0, expected)
+    full, *below = EFFECTS["saturation_blooming"].starts([image])
+    assert full["lost_range"] == pytest.approx(1 - 102 / 255)
+    assert all(full["lost_range"] < start["lost_range"] < 0.9 for start in below)
 
 
 def test_a_model_without_effects_is_the_base_model_and_order_follows_the_light():
