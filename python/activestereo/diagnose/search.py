@@ -30,10 +30,10 @@ from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage, builtin
 from activestereo.effects.core.descriptor import Channel
 
-# At most _FITTED effects are fitted, if they score more than _NEAR times the best score, and the next ones if no fit
-# gains _VAIN times its score. A fit gains at most _LINE_SHORT times its score. If that exceeds _CLEAR times the needed
-# gain, random fields need no check.
-_FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR = 4, 0.25, 0.1, 3.0, 10.0
+# At most _FITTED effects are fitted, if they score more than _NEAR times the best score. If no fit gains _VAIN times
+# its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
+# that exceeds _CLEAR times the needed gain, random fields need no check.
+_FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR = 4, 0.25, 0.1, 2.0, 10.0
 # Scores see images of so many pixels of each setting: 16 poses of small images, 4 of 848 x 480.
 _SCORED_PIXELS = 16 * 424 * 240
 # look() scores all shapes of the effects whose first shape gains more than this share of the best gain.
@@ -94,7 +94,7 @@ class Search:
         is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         in_images = sum(n.seen is not None and n.field is None for n in self._names)
-        rest = Remainder(*parts, names=max(1, in_images), is_full=is_full or takes_any_light(self._names))
+        rest = Remainder(*parts, names=in_images, is_full=is_full or takes_any_light(self._names))
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
             self._noise, self._unjudged, rest, tuple(self._rounds),
@@ -203,7 +203,7 @@ class Search:
         likely += [c for c in again.values() if c not in likely]
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
-            fits |= self._fits([c for c in promising if c not in likely][:_FITTED])
+            fits |= self._fits([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, (share, _) in fields.items():

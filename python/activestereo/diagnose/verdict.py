@@ -28,9 +28,8 @@ class Remainder:
     strain: the farthest that named effects move the rig or an albedo from its stated value, in stated deviations. If no
     effect is named, it is the second farthest albedo. test_explained, test_left: explained and left on test frames;
     None if these show nothing. test_unlike: the largest ratio, over test frames, of left to explained (at least
-    scene_error). names: the number of named effects of expected images, at least 1. is_full: whether the search reached
-    its largest number of names, or names together absorb any error of the projector's light (takes_any_light() of
-    outcome.py).
+    scene_error). names: the number of named effects of expected images. is_full: whether the search reached its largest
+    number of names, or names together absorb any error of the projector's light (takes_any_light() of outcome.py).
     """
 
     explained: float
@@ -50,19 +49,19 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
     """Returns the remaining error relative to the error that may remain. Beyond 1 an effect is still missing.
 
     Each number of `rest` is divided by its limit, and the largest ratio is returned. The limit of `strain` is always
-    the same. Without a named effect, `left` may reach the error of the scene measurement, and `structure` must be near
-    0. The same holds if named effects explain little of expected images, as random fields and temporal noise do.
-    Otherwise, `left` may reach what the named effects explain in expected images. `structure` may then be larger, as
-    formulas are not exact. It counts less, the smaller it is relative to structure_before / names. Names that share out
-    an effect outside the library leave more structure. Test frames must always confirm: test_left may reach
-    test_explained. With effects of expected images named, no test frame may exceed its own limit, and a weighted sum of
-    train and test ratios counts.
+    the same. Without a named effect of expected images, `left` may reach the error of the scene measurement, and
+    `structure` must be near 0. The same holds if named effects explain little of expected images, as random fields and
+    temporal noise do. Otherwise, `left` may reach what the named effects explain in expected images. `structure` may
+    then be larger, as formulas are not exact. It counts less, the smaller it is relative to structure_before / names.
+    Names that share out an effect outside the library leave more structure. Test frames must always confirm: test_left
+    may reach test_explained. With effects of expected images named, no test frame may exceed its own limit, and a
+    weighted sum of train and test ratios counts.
     """
     if rest.is_full:
         return float("inf")
     is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
     in_images = rest.explained - rest.drawn
-    if not is_named or in_images < numbers.least_excess:
+    if not is_named or not rest.names or in_images < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.scene_error)
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
