@@ -168,10 +168,11 @@ class Search:
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
-        found = candidates(atoms, scores(linear, columns), self._pixels)
-        if found and not self._rounds:
+        floor, found = self._floor(), candidates(atoms, scores(linear, columns), self._pixels)
+        if self._names:
+            found = self._found_again(linear, atoms, [c.id for c in found.values() if _LINE_SHORT * c.gain > floor])
+        elif found:
             self._say_own_ranks(found)
-        floor = self._floor()
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields: Fields = {}
         if by_line < _CLEAR * floor or self._names:
@@ -240,6 +241,11 @@ class Search:
         self._accept_last(fits)
         self._draw_again()
         return True
+
+    def _found_again(self, linear: Linear, atoms: Sequence[Atom], likely: Sequence[str]) -> dict[str, Candidate]:
+        """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light."""
+        some = numbered([atom for atom in atoms if atom.effect.id in likely])
+        return candidates(some, scores(linear, self._columns(linear, some)), self._pixels) if some else {}
 
     def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
         """Fits each candidate alone beside the present model; returns {effect: Refit}."""
