@@ -169,8 +169,14 @@ class Search:
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(linear, formulas, numbers.formula_error)
         floor, found = self._floor(), candidates(atoms, scores(linear, columns), self._pixels)
+        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
+        # those that lost to a name of their family are fitted beside it.
+        kin, last = {e.family for e in formulas}, self._rounds[-1:]
+        lost = {n: r.candidates.get(n) for r in last for n in r.fits if self._effect(n).family in kin}
+        lost = {n: c for n, c in lost.items() if self._is_open(self._effect(n))}
         if self._names:
-            found = self._found_again(linear, atoms, [c.id for c in found.values() if _LINE_SHORT * c.gain > floor])
+            again = [c.id for c in found.values() if _LINE_SHORT * c.gain > floor]
+            found = self._found_again(linear, atoms, [*again, *lost])
         elif found:
             self._say_own_ranks(found)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
@@ -189,19 +195,13 @@ class Search:
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
-        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
-        # those that lost to a name of their family are fitted beside it. One whose fit led nowhere begins a round.
-        kin, before = {e.family for e in formulas}, self._rounds[-2:][0]
-        lost = [n for n in before.fits if self._is_open(e := self._effect(n)) and e.family in kin]
-        astray = [n for n in lost if before.fits[n].chi2 > before.chi2 and n in before.candidates]
-        is_over = max(by_line, by_draws) < floor and not astray
+        is_over = max(by_line, by_draws) < floor and not lost
         if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
         promising = [c for c in found.values() if _LINE_SHORT * c.gain > floor]
         likely = [c for c in promising if c.gain > _NEAR * most][:_FITTED]
-        again = {n: before.candidates[n] for n in astray} | {n: found[n] for n in lost if n in found}
-        likely += [c for c in again.values() if c not in likely]
+        likely += [c for n, earlier in lost.items() if (c := found.get(n, earlier)) is not None and c not in likely]
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
             fits |= self._fits([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
