@@ -195,7 +195,7 @@ class Search:
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
         now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
         self._rounds.append(now)
-        is_over = max(by_line, by_draws) < floor and not lost
+        is_over = max(by_line, by_draws) < floor
         if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
             return False
         most = max((c.gain for c in found.values()), default=0.0)
