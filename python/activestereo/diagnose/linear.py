@@ -153,6 +153,12 @@ def scores(linear: Linear, columns: Columns) -> Scores:
     return Scores(gram, cross, moment, surfaces, inverse, total, len(r))
 
 
+def score_alone(linear: Linear, change: Columns) -> tuple[float, float]:
+    """Returns (information, score) of one image change [n] on all surfaces, as Scores.select() does."""
+    information, score = scores(linear, change[None]).select(slice(0, 1))
+    return float(information[0, 0]), float(score[0])
+
+
 def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:
     """Returns (indices of the large surfaces, each pixel's group)."""
     numbers, counts = np.unique(material, return_counts=True)

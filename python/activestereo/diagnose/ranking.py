@@ -105,7 +105,7 @@ def _design(outcome: Outcome) -> float:
 def _known(outcome: Outcome, numbers: Numbers) -> float:
     """Returns the probability that the named effects are right, or, without a name, that none is missing."""
     is_named = bool(outcome.names)
-    return probability_right(missing(outcome.rest, is_named, numbers), is_named)
+    return probability_right(missing(outcome.rest, numbers), is_named)
 
 
 def probabilities_of(outcome: Outcome, numbers: Numbers) -> Json:

@@ -23,7 +23,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution, fit_key
 from activestereo.diagnose.kept import content_key
-from activestereo.diagnose.linear import linearised, scores
+from activestereo.diagnose.linear import linearised, score_alone
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.selection import Candidate
 from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
@@ -141,9 +141,9 @@ def _tells_more(fitter: Fitter, fit: Solution, rendered: Effect) -> bool:
     """
     linear, values = linearised(fitter, fit), fit.model.effects[-1][1]
     d = linear.change(fit.model.with_effect(rendered, **values), linear.images(fit.model))
-    information, score = scores(linear, d[None]).select(slice(0, 1))
-    imitated = 1.0 - information[0, 0] / max(float(d @ d), 1e-12)
-    return bool(score[0] * (1 + _LAST_SAMPLES) > information[0, 0]) or imitated > _IMITATED
+    information, score = score_alone(linear, d)
+    imitated = 1.0 - information / max(float(d @ d), 1e-12)
+    return score * (1 + _LAST_SAMPLES) > information or imitated > _IMITATED
 
 
 def _steps(effect: Effect, values: np.ndarray) -> np.ndarray:

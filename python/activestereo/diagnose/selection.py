@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.fitter import Solution
-from activestereo.diagnose.linear import Columns, Linear, Scores, scores
+from activestereo.diagnose.linear import Columns, Linear, Scores, score_alone, scores
 from activestereo.diagnose.numbers import Numbers
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -193,8 +193,8 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     left = linear.fitter.residuals(fit)
     pairs = zip(linear.fitter.pixels(), left, strict=True)
     change = linear.residual - np.concatenate([p.gather(row.residual) * p.root_weight for p, row in pairs])
-    information, score = scores(linear, change[None].astype(np.float32)).select(slice(0, 1))
-    return float(score[0] ** 2 / max(information[0, 0], 1e-9))
+    information, score = score_alone(linear, change.astype(np.float32))
+    return score**2 / max(information, 1e-9)
 
 
 def stand_ins(

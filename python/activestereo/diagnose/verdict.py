@@ -45,7 +45,7 @@ class Remainder:
     is_full: bool = False
 
 
-def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
+def missing(rest: Remainder, numbers: Numbers) -> float:
     """Returns the remaining error relative to the error that may remain. Beyond 1 an effect is still missing.
 
     Each number of `rest` is divided by its limit, and the largest ratio is returned. The limit of `strain` is always
@@ -61,7 +61,7 @@ def missing(rest: Remainder, is_named: bool, numbers: Numbers) -> float:
         return float("inf")
     is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
     in_images = rest.explained - rest.drawn
-    if not is_named or not rest.names or in_images < numbers.least_excess:
+    if not rest.names or in_images < numbers.least_excess:
         structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
         unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.scene_error)
         return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
@@ -78,7 +78,7 @@ def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Number
     noise was measured."""
     if not is_named and not has_floor:
         return UNDETERMINED
-    if missing(rest, is_named, numbers) > 1.0:
+    if missing(rest, numbers) > 1.0:
         return UNKNOWN
     return EFFECT if is_named else NONE
 
