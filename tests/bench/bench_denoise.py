@@ -11,8 +11,12 @@ import argparse
 import time
 
 import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
 import kuafu
+from activestereo.common.pose import rigid_motion
+from activestereo.scene_io import meshes
 
 WIDTH, HEIGHT, FOCAL_PX = 212, 120, 190.0
 OUTPUTS = ("radiance", "ambient", "projector_direct", "projector_indirect")
@@ -21,48 +25,10 @@ METAL_ROUGHNESS = {"brushed metal": (0.5, 0.4, 0.6), "polished metal": (0.25, 0.
 KINDS = ("diffuse", *METAL_ROUGHNESS, "glass")
 
 
-def pose(x, y, z, yaw=0.0):
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, 0, s, x], [0, 1, 0, y], [-s, 0, c, z], [0, 0, 0, 1.0]])
-
-
-def quad(centre, a, b):
-    centre, a, b = (np.asarray(v, float) for v in (centre, a, b))
-    corners = np.array([centre - a - b, centre + a - b, centre + a + b, centre - a + b], np.float32)
-    return corners, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
-
-
-def sphere(radius, rings=32):
-    columns = 2 * rings
-    theta, phi = np.meshgrid(
-        np.pi * np.arange(rings + 1) / rings, 2 * np.pi * (np.arange(columns + 1) % columns) / columns, indexing="ij"
-    )
-    normals = (
-        np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
-        .reshape(-1, 3)
-        .astype(np.float32)
-    )
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(rings), np.arange(columns), indexing="ij"))
-    a = i * (columns + 1) + j
-    down = a + columns + 1
-    triangles = np.concatenate(
-        [np.stack([a, down, a + 1], -1)[i > 0], np.stack([a + 1, down, down + 1], -1)[i + 1 < rings]]
-    )
-    return normals * np.float32(radius), triangles.astype(np.uint32), normals
-
-
-def box(half):
-    corners, triangles = [], []
-    for axis in range(3):
-        for side in (-1, 1):
-            centre, a, b = np.zeros(3), np.zeros(3), np.zeros(3)
-            centre[axis] = side * half[axis]
-            a[(axis + 1) % 3] = half[(axis + 1) % 3]
-            b[(axis + 2) % 3] = side * half[(axis + 2) % 3]
-            p, t = quad(centre, a, b)
-            triangles.append(t + 4 * len(corners))
-            corners.append(p)
-    return np.concatenate(corners), np.concatenate(triangles)
+def add(scene, mesh, material, place=(0, 0, 0), yaw=0.0):
+    number = scene.add_mesh(mesh.positions, mesh.indices, normals=mesh.normals, uvs=mesh.uvs)
+    pose = rigid_motion(place, Rotation.from_euler("y", yaw).as_matrix())
+    scene.add_instance(number, [material], local_to_world=pose)
 
 
 def objects(kind):
@@ -91,22 +57,19 @@ def table_top(device, kind):
     )
     wall = scene.add_material(kuafu.Material(base_color=(0.6, 0.7, 0.75, 1), specular=0.0))
     large, small, block = (scene.add_material(m) for m in objects(kind))
-    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    scene.add_instance(scene.add_mesh(*quad((0, 0.25, 1.0), (0.8, 0, 0), (0, 0, -0.6)), uvs=uvs), [table])
-    scene.add_instance(scene.add_mesh(*quad((0, -0.1, 1.5), (-1.0, 0, 0), (0, 0.6, 0))), [wall])
-    for radius, material, place in ((0.13, large, (-0.2, 0.12, 0.95)), (0.09, small, (0.12, 0.16, 0.8))):
-        positions, triangles, normals = sphere(radius)
-        scene.add_instance(
-            scene.add_mesh(positions, triangles, normals=normals), [material], local_to_world=pose(*place)
-        )
-    scene.add_instance(scene.add_mesh(*box((0.08, 0.12, 0.08))), [block], local_to_world=pose(0.28, 0.13, 1.1, 0.5))
+    add(scene, meshes.sheet((-0.8, 0.25, 0.4), (1.6, 0, 0), (0, 0, 1.2)), table)
+    add(scene, meshes.sheet((1.0, -0.7, 1.5), (-2.0, 0, 0), (0, 1.2, 0)), wall)
+    add(scene, meshes.sphere(0.13), large, (-0.2, 0.12, 0.95))
+    add(scene, meshes.sphere(0.09), small, (0.12, 0.16, 0.8))
+    add(scene, meshes.box(0.16, 0.24, 0.16), block, (0.28, 0.01, 1.1), 0.5)
     down = np.array([[1, 0, 0, 0.3], [0, 0, 1, -0.8], [0, -1, 0, 0.9], [0, 0, 0, 1.0]])
     scene.add_light(
         kuafu.Light(kind="rectangle", intensity=(4, 4, 4), ir_intensity=4.0, size_m=(0.4, 0.3), light_to_world=down)
     )
     dots = scene.add_texture((rng.random((240, 424)) < 0.08).astype(np.float32))
     k = [[400, 0, 211.5], [0, 400, 119.5], [0, 0, 1]]
-    scene.add_light(kuafu.Light(kind="projector", texture=dots, k=k, ir_intensity=8.0, light_to_world=pose(0.03, 0, 0)))
+    beside = rigid_motion((0.03, 0, 0))
+    scene.add_light(kuafu.Light(kind="projector", texture=dots, k=k, ir_intensity=8.0, light_to_world=beside))
     scene.set_environment((0.3, 0.35, 0.4), 0.3)
     return scene
 
@@ -135,7 +98,8 @@ def has_oidn(renderer, scene, camera):
 
 def measure(device, kind, reference_spp):
     scene, renderer = table_top(device, kind), kuafu.Renderer(device)
-    camera = kuafu.Camera(WIDTH, HEIGHT, [[FOCAL_PX, 0, 105.5], [0, FOCAL_PX, 59.5], [0, 0, 1]], pose(0, -0.05, 0))
+    k = [[FOCAL_PX, 0, 105.5], [0, FOCAL_PX, 59.5], [0, 0, 1]]
+    camera = kuafu.Camera(WIDTH, HEIGHT, k, rigid_motion((0, -0.05, 0)))
 
     def take(spp, seed, denoise="none"):
         start = time.perf_counter()
@@ -160,22 +124,15 @@ def measure(device, kind, reference_spp):
 
 
 def picture(results, path, reference_spp):
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     columns = ("plain 2", "plain 32", "filtered 2", "truth")
-    figure, axes = plt.subplots(
-        len(results), len(columns), figsize=(4 * len(columns), 2.4 * len(results)), squeeze=False
-    )
+    figure = Figure(figsize=(4 * len(columns), 2.4 * len(results)), layout="constrained")
+    axes = figure.subplots(len(results), len(columns), squeeze=False)
     for row, (kind, result) in zip(axes, results.items()):
         for axis, name in zip(row, columns):
             image = result[name] if name == "truth" else result[name]["image"]
             axis.imshow(np.clip(image, 0, 1) ** (1 / 2.2), cmap="gray", vmin=0, vmax=1)
             axis.set_title(f"{kind}: {name} spp" if name != "truth" else f"{kind}: {reference_spp} spp", fontsize=9)
             axis.axis("off")
-    figure.tight_layout()
     figure.savefig(path, dpi=55, pil_kwargs={"optimize": True})
 
 

@@ -85,12 +85,8 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=512, help="of the recorded pictures")
     parser.add_argument("--poses", type=int, default=2)
     parser.add_argument("--append", type=Path, metavar="FILE", help="also write what is found as a line of JSON")
-    parser.add_argument("--list", action="store_true", help="print the names of all objects, one a line")
     parser.add_argument("--table", type=Path, metavar="FILE", help="measure nothing; print the table of such a file")
     args = parser.parse_args()
-    if args.list:
-        print("\n".join(OBJECTS))
-        return
     print(f"| object | {' | '.join(PARAMETERS)} | loss | s / CPU s |\n|{'--|' * (len(PARAMETERS) + 3)}")
     results = []
     if args.table:

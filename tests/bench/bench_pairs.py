@@ -2,7 +2,7 @@
 """How well stereo matchers do on a folder of pairs with truth: simsense's settings beside OpenCV's matchers, in one
 run.
 
-    PYTHONPATH=build/python python3 tests/bench/bench_pairs.py FOLDER [--each]
+    PYTHONPATH=build/python python3 tests/bench/bench_pairs.py FOLDER
 
 FOLDER holds one folder per pair. tests/bench/noisy_planes.py writes such a folder; recordings with truth fit in the
 same way:
@@ -255,15 +255,11 @@ def table(pairs: list[Pair]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder of pairs")
-    parser.add_argument("--each", action="store_true", help="a table for each pair too")
     args = parser.parse_args()
     folders = sorted(path.parent for path in args.folder.glob("*/left.png"))
     if not folders:
         raise SystemExit(f"{args.folder}: no pair in it: a pair is a folder with left.png, right.png and disparity.npy")
     pairs = [Pair.read(folder) for folder in folders]
-    if args.each:
-        for pair in pairs:
-            print(f"\n{pair.name}\n\n{table([pair])}", flush=True)
     print(f"\n{len(pairs)} pairs\n\n{table(pairs)}")
 
 

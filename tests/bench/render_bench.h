@@ -81,17 +81,6 @@ class Renderer {
     return kuafu_renderer_render(renderer_, scene, &settings);
   }
 
-  /// Least milliseconds of a render among `repetitions`.
-  double best_ms(kuafu_scene scene, int repetitions) {
-    double best = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < repetitions; ++i) {
-      const double start = now_ms();
-      render(scene);
-      best = std::min(best, now_ms() - start);
-    }
-    return best;
-  }
-
   const std::vector<float>& image() {
     ok(kuafu_buffer_read(buffer_, 0, image_.data(), image_.size() * 4));
     return image_;

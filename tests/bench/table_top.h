@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <glm/glm.hpp>
 #include <numbers>
 #include <random>
 #include <vector>
@@ -16,17 +17,8 @@
 
 namespace bench {
 
-using Vec3 = std::array<double, 3>;
+using Vec3 = glm::dvec3;
 using Pose = std::array<double, 16>;  // row-major, local_to_world
-
-inline Vec3 operator+(const Vec3& a, const Vec3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
-inline Vec3 operator-(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-inline Vec3 operator*(double s, const Vec3& a) { return {s * a[0], s * a[1], s * a[2]}; }
-inline double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-inline Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-inline Vec3 normalized(const Vec3& a) { return 1 / std::sqrt(dot(a, a)) * a; }
 
 inline void ok(ks_status status) {
   if (status == KS_OK) return;
@@ -56,7 +48,7 @@ inline constexpr uint32_t pattern_size = 512;
 
 /// Looks from `eye` at `target`; +z forward, x right, y down.
 inline Pose look_at(const Vec3& eye, const Vec3& target) {
-  const Vec3 z = normalized(target - eye), x = normalized(cross(z, Vec3{0, 0, 1})), y = cross(z, x);
+  const Vec3 z = glm::normalize(target - eye), x = glm::normalize(glm::cross(z, Vec3{0, 0, 1})), y = glm::cross(z, x);
   return {x[0], y[0], z[0], eye[0], x[1], y[1], z[1], eye[1], x[2], y[2], z[2], eye[2], 0, 0, 0, 1};
 }
 
@@ -67,7 +59,7 @@ inline Pose placed(const Vec3& at, double yaw, double scale) {
 
 inline void add_quad(Shape& shape, const Vec3& centre, const Vec3& a, const Vec3& b) {
   const auto base = uint32_t(shape.positions.size() / 3);
-  const Vec3 n = normalized(cross(a, b));
+  const Vec3 n = glm::normalize(glm::cross(a, b));
   for (const auto& [u, v] : {std::pair{-1, -1}, {1, -1}, {1, 1}, {-1, 1}}) {
     const Vec3 p = centre + double(u) * a + double(v) * b;
     for (int i = 0; i < 3; ++i) shape.positions.push_back(float(p[i])), shape.normals.push_back(float(n[i]));
@@ -103,7 +95,7 @@ inline Shape ball(int rings, double bumps, double phase) {
       const double theta = std::numbers::pi * r / rings, phi = 2 * std::numbers::pi * (c % columns) / columns;
       const bool pole = r == 0 || r == rings;
       const Vec3 p = pole ? (r == 0 ? point(0, 0) : point(std::numbers::pi, 0)) : point(theta, phi);
-      const Vec3 n = pole ? normalized(p) : normalized(cross(point(theta + step, phi) - p, point(theta, phi + step) - p));
+      const Vec3 n = pole ? glm::normalize(p) : glm::normalize(glm::cross(point(theta + step, phi) - p, point(theta, phi + step) - p));
       for (int i = 0; i < 3; ++i) shape.positions.push_back(float(p[i])), shape.normals.push_back(float(n[i]));
     }
   for (int r = 0; r < rings; ++r)
@@ -115,13 +107,12 @@ inline Shape ball(int rings, double bumps, double phase) {
   return shape;
 }
 
-enum class Surfaces { lambert, plastic, mixed };  // mixed: plastic, every third ball of metal, every fourth of glass
+enum class Surfaces { plastic, mixed };  // mixed: plastic, every third ball of metal, every fourth of glass
 
 inline kuafu_material_desc surface(Surfaces kind, int index, std::mt19937& engine) {
   kuafu_material_desc m = kuafu_material_desc_init();
   for (int i = 0; i < 3; ++i) m.base_color[i] = 0.2f + 0.6f * float(engine() % 256) / 255.0f;
   m.roughness = 0.25f + 0.4f * float(engine() % 256) / 255.0f;
-  m.specular = kind == Surfaces::lambert ? 0.0f : 1.0f;
   if (kind != Surfaces::mixed || index < 7) return m;
   if (index % 3 == 0) m.metallic = 1;
   if (index % 3 != 0 && index % 4 == 0) m.transmission = 1, m.roughness = 0;

@@ -3,27 +3,11 @@
 bounces."""
 
 import numpy as np
+from scipy.ndimage import map_coordinates
+
+from virtual_sensor.held_out.caster import albedo_of, closest
 
 _LIFT = 1e-7
-
-
-def closest(solids, origins, directions):
-    """Returns (t, unit normal facing the ray, albedo, index of the solid or -1) of each ray's nearest hit. origins,
-    directions: [n][3]."""
-    t = np.full(len(origins), np.inf)
-    normal = np.zeros_like(origins)
-    albedo = np.zeros(len(origins))
-    index = np.full(len(origins), -1)
-    for i, solid in enumerate(solids):
-        distance, n = solid.intersect(origins, directions)
-        nearer = distance < t
-        t = np.where(nearer, distance, t)
-        normal[nearer] = n[nearer]
-        albedo[nearer] = solid.albedo
-        index[nearer] = i
-    facing = np.einsum("ij,ij->i", normal, directions) > 0
-    normal[facing] *= -1.0
-    return t, normal, albedo, index
 
 
 def projector_irradiance(solids, points, normals, projector):
@@ -52,14 +36,10 @@ def _inside(image, u, v):
 
 
 def bilinear(image, u, v):
-    """Interpolates the image, and an image of ones, at places (u, v) inside; pixel centres are at integers. Returns
-    [2][n]; samples outside count as zero."""
-    stack = np.pad(np.stack([image, np.ones_like(image)]), ((0, 0), (1, 1), (1, 1)))
-    i, j = np.floor(u).astype(int), np.floor(v).astype(int)
-    a, b = u - i, v - j
-    i, j = i + 1, j + 1
-    value = (stack[:, j, i] * (1 - a) + stack[:, j, i + 1] * a) * (1 - b)
-    return value + (stack[:, j + 1, i] * (1 - a) + stack[:, j + 1, i + 1] * a) * b
+    """Interpolates the image, and an image of ones, at places (u, v); pixel centres are at integers. Returns [2][n];
+    samples outside count as zero."""
+    both = image, np.ones_like(image)
+    return np.stack([map_coordinates(one, (v, u), order=1, mode="grid-constant") for one in both])
 
 
 def radiance(solids, origins, directions, projector, numbers, bounces):
@@ -74,15 +54,16 @@ def radiance(solids, origins, directions, projector, numbers, bounces):
     first = None
     alive = np.arange(count)
     for depth in range(bounces + 2):
-        t, normal, albedo, index = closest(solids, origins, directions)
+        t, normal, index = closest(solids, origins, directions)
         if depth == 0:
             first = t.copy(), normal.copy(), index.copy()
         hit = index >= 0
         sky[alive[~hit]] += weight[~hit]
         if depth == bounces + 1:
             break  # the last ray only tests whether it reaches the sky
-        alive, weight, normal, albedo = alive[hit], weight[hit] * albedo[hit], normal[hit], albedo[hit]
+        alive, normal = alive[hit], normal[hit]
         points = origins[hit] + t[hit, None] * directions[hit] + _LIFT * normal
+        weight = weight[hit] * albedo_of(solids, index[hit], points)
         light, under_ones = weight / np.pi * projector_irradiance(solids, points, normal, projector)
         (direct if depth == 0 else indirect)[alive] += light
         if depth == 0:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from virtual_sensor.light import closest, radiance
+from virtual_sensor.held_out.caster import closest
+from virtual_sensor.light import radiance
 from virtual_sensor.pcg import Pcg
 
 
@@ -53,7 +54,7 @@ def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
             sums += radiance(solids, origins, directions, projector, numbers.reshape(bounces + 1, 2, -1), bounces)[0]
     lights = (sums / grid**2).reshape(4, height, width)
     origins, directions, cosine = _rays(columns.ravel(), rows.ravel(), K, camera_to_world)
-    t, normal, _, index = closest(solids, origins, directions)
+    t, normal, index = closest(solids, origins, directions)
     depth = np.where(np.isfinite(t), t * cosine, 0.0)
     return View(*lights, depth.reshape(height, width), normal.reshape(height, width, 3), index.reshape(height, width))
 

@@ -2,7 +2,7 @@
 """Models the projector: its relative radiant intensity towards points, with its hidden effects."""
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, maximum_filter
 from scipy.signal import fftconvolve
 
 from virtual_sensor.held_out.rig import PATTERN_WIDTH
@@ -25,9 +25,7 @@ class Emitter:
         )
         self._levels = {0: self.pattern}
         # Bounced light is smooth, so that it takes a blurred pattern, which coarse texels sample without aliasing.
-        self._coarse = fftconvolve(np.pad(self.pattern, 40), np.outer(_gauss(14.0), _gauss(14.0)), mode="same")[
-            40:-40, 40:-40
-        ]
+        self._coarse = gaussian_filter(self.pattern, 14.0, mode="constant", truncate=3.0)
 
     def intensity(self, local, frame, coarse=False):
         """Returns the relative radiant intensity towards points [n][3] in the projector's frame. coarse: use a blurred
@@ -119,8 +117,6 @@ def _diffracted(x, y, frame, scale=0.0, per_k=0.0):
 def _with_uneven_dots(pattern, seed, spread):
     """Multiplies every dot, the pixels nearest to its maximum, by a gamma variable of mean 1. spread: its standard
     deviation."""
-    from scipy.ndimage import distance_transform_edt, maximum_filter
-
     peaks = (pattern == maximum_filter(pattern, 5)) & (pattern > 0.2)
     rng = np.random.Generator(np.random.PCG64([seed, 11]))
     gains = np.zeros_like(pattern)
@@ -146,12 +142,6 @@ def _hexagon(disc_diameter):
     size = 2 * half + 1
     kernel = inside.reshape(size, fine, size, fine).mean(axis=(1, 3))
     return kernel / kernel.sum()
-
-
-def _gauss(sigma):
-    x = np.arange(-int(3 * sigma), int(3 * sigma) + 1)
-    g = np.exp(-0.5 * (x / sigma) ** 2)
-    return g / g.sum()
 
 
 def _sample(image, u, v):

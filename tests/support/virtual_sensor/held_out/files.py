@@ -2,30 +2,16 @@
 """Writes a capture folder: PNG, JSON and glTF by the standards, without the product's writers."""
 
 import json
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from virtual_sensor.held_out.rig import HEIGHT, WIDTH
 from virtual_sensor.held_out.scene import gltf_pieces
 from virtual_sensor.gltf import write_gltf
 
 DEPTH_SCALE = 0.001
-
-
-def write_png(path, image):
-    """Writes a gray PNG file from uint8 or uint16 [height][width]."""
-    height, width = image.shape
-    depth = 8 * image.dtype.itemsize
-    raw = image.astype(">u2" if depth == 16 else "u1").tobytes()
-    stride = width * depth // 8
-    lines = b"".join(b"\0" + raw[i * stride : (i + 1) * stride] for i in range(height))
-    header = struct.pack(">IIBBBBB", width, height, depth, 0, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(lines, 6)), (b"IEND", b""))
-    body = b"".join(struct.pack(">I", len(d)) + t + d + struct.pack(">I", zlib.crc32(t + d)) for t, d in chunks)
-    Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + body)
 
 
 # Standard deviations of a good survey: metres and radians of poses and of the projector, relative focal length, albedo.
@@ -41,13 +27,12 @@ def write_capture(folder, name, rig, solids, frames, images, depths, max_dispari
     for part in ("left", "right", "depth"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     write_gltf(folder, gltf_pieces(solids))
-    write_png(folder / "pattern.png", np.rint(255 * rig.pattern).astype(np.uint8))
+    Image.fromarray(np.rint(255 * rig.pattern).astype(np.uint8)).save(folder / "pattern.png")
     for (frame_id, side), image in images.items():
-        write_png(folder / side / f"{frame_id:06}.png", image)
+        Image.fromarray(image).save(folder / side / f"{frame_id:06}.png")
     for frame_id, depth in depths.items():
-        write_png(
-            folder / "depth" / f"{frame_id:06}.png", np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16)
-        )
+        counts = np.rint(depth / DEPTH_SCALE).clip(0, 65535).astype(np.uint16)
+        Image.fromarray(counts).save(folder / "depth" / f"{frame_id:06}.png")
     document = {
         "format": "active-stereo-capture",
         "version": 1,

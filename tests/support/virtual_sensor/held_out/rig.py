@@ -4,6 +4,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import expm
 
 WIDTH, HEIGHT = 212, 120
 PATTERN_WIDTH, PATTERN_HEIGHT = 640, 400
@@ -112,25 +113,10 @@ def look_at(eye, target):
 def moved(pose, twist, times):
     """Returns the poses [n][4][4] of a body `times` seconds after `pose`, under a constant twist [v, w] in its own
     frame."""
-    v, w = np.asarray(twist[:3], dtype=np.float64), np.asarray(twist[3:], dtype=np.float64)
-    times = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    speed = np.linalg.norm(w)
-    K = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-    a, b, c = _exponential_coefficients(speed, times)
-    steps = np.zeros((len(times), 4, 4))
-    steps[:, :3, :3] = np.eye(3) + a[:, None, None] * K + b[:, None, None] * (K @ K)
-    steps[:, :3, 3] = times[:, None] * v + b[:, None] * (K @ v) + c[:, None] * (K @ K @ v)
-    steps[:, 3, 3] = 1.0
-    return pose @ steps
-
-
-def _exponential_coefficients(speed, t):
-    """Returns the coefficients of K and K^2 in a twist's exponential, and of K^2 v in its translation (Murray, Li and
-    Sastry 1994, 2.36)."""
-    if speed < 1e-9:
-        return t, 0.5 * t**2, t**3 / 6
-    angle = speed * t
-    return np.sin(angle) / speed, (1 - np.cos(angle)) / speed**2, (angle - np.sin(angle)) / speed**3
+    (v, w), generator = np.reshape(twist, (2, 3)), np.zeros((4, 4))
+    generator[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
+    generator[:3, 3] = v
+    return pose @ expm(np.atleast_1d(times)[:, None, None] * generator)
 
 
 def draw_pattern(rng):

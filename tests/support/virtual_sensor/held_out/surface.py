@@ -5,6 +5,7 @@ grid."""
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from virtual_sensor.held_out.camera import axis_cosine
 from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, transmittance
@@ -134,20 +135,11 @@ def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
     start = (np.arange(len(points)) * 0.61803398875) % 1.0 * 2 * np.pi
     total = np.zeros(len(points))
     for k in range(_RING):
-        radius = length_m * _gamma2_quantile((k + 0.5) / _RING)
+        radius = length_m * gammaincinv(2, (k + 0.5) / _RING)  # a quantile of the density r exp(-r)
         angle = start + 2 * np.pi * k * 0.38196601125
         around = points + radius * (np.cos(angle)[:, None] * tangent + np.sin(angle)[:, None] * bitangent)
         total += projector_irradiance(world, frame, around, normals, poses, row)
     return total / _RING
-
-
-def _gamma2_quantile(p):
-    """Returns the quantile p of the density r exp(-r), by Newton's method."""
-    r = 1.7
-    for _ in range(30):
-        r -= (1 - (1 + r) * np.exp(-r) - p) / (r * np.exp(-r))
-        r = max(r, 1e-3)
-    return r
 
 
 def second_unit_poses(rig, poses, on_rig, beside_m, yaw_rad):
