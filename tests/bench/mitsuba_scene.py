@@ -26,6 +26,12 @@ def grey(value: float) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(value)] * 3}
 
 
+def bitmap(mi: Any, values: NDArray[np.floating], filter_type: str) -> dict[str, Any]:
+    """A texture of values [height, width]."""
+    pixels = mi.Bitmap(np.repeat(values.astype(np.float32)[..., None], 3, axis=-1))
+    return {"type": "bitmap", "bitmap": pixels, "raw": True, "filter_type": filter_type, "wrap_mode": "clamp"}
+
+
 def pose(mi: Any, to_world: NDArray[np.float64]) -> Any:
     """Mitsuba's pose (x left, y up) of a camera or projector with x right, y down, z forward."""
     return mi.ScalarTransform4f((to_world @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist())
@@ -62,13 +68,5 @@ def projector(
         "type": "projector",
         "to_world": pose(mi, to_world),
         "fov": float(np.rad2deg(2 * np.arctan(0.5 * width / k[0, 0]))),
-        "irradiance": mi.load_dict(
-            {
-                "type": "bitmap",
-                "bitmap": mi.Bitmap(np.repeat(image.astype(np.float32)[..., None], 3, -1)),
-                "raw": True,
-                "filter_type": "bilinear",
-                "wrap_mode": "clamp",
-            }
-        ),
+        "irradiance": mi.load_dict(bitmap(mi, image, "bilinear")),
     }

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "support"))
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("support", "bench")]
 
 from virtual_sensor.held_out import catalogue  # noqa: E402
 from virtual_sensor.held_out.mitsuba_case import NOT_RENDERED  # noqa: E402

@@ -6,7 +6,10 @@ Light that surfaces send on is smoothed over each surface, albedo left out. Roll
 below or through surfaces are not rendered.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
+from mitsuba_scene import bitmap, grey, mesh, projector
 from scipy.ndimage import gaussian_filter
 
 from virtual_sensor.cylinder import Cylinder
@@ -59,7 +62,7 @@ class MitsubaCase(Case):
             other = rays.light(things | {"laser": _second(mi, hardware, frame)}, 2, 1)
         if "ambient_ir" in hardware.hidden:
             strength = np.pi * hardware.hidden["ambient_ir"]["strength"]
-            point = {"type": "point", "position": list(LAMP_POSITION), "intensity": _grey(strength)}
+            point = {"type": "point", "position": list(LAMP_POSITION), "intensity": grey(strength)}
             lamp = rays.light(things | {"lamp": point}, 2, 1)
         lights = (straight, surfaces.smooth(every - straight), surfaces.smooth(sky), other, lamp)
         return Layers(*(light.reshape(surfaces.shape) for light in lights), surfaces.depth)
@@ -115,16 +118,12 @@ class _Rays:
         return total / paths
 
 
-def _grey(value):
-    return {"type": "rgb", "value": [float(value)] * 3}
-
-
 def _things(mi, hardware):
     return {solid.name: _shape(mi, solid, _paint(mi, hardware, solid)) for solid in hardware.solids}
 
 
 def _paint(mi, hardware, solid):
-    albedo = _image(mi, np.asarray(solid.albedo), "nearest") if isinstance(solid, Tiles) else _grey(solid.albedo)
+    albedo = bitmap(mi, np.asarray(solid.albedo), "nearest") if isinstance(solid, Tiles) else grey(solid.albedo)
     bsdf = {"type": "diffuse", "reflectance": albedo}
     if "specular" in hardware.hidden and hardware.is_glossy(solid):
         p = hardware.hidden["specular"]
@@ -145,37 +144,12 @@ def _shape(mi, solid, paint):
         frame[:3, :3] = solid.rotation() * np.asarray(solid.half_size)
         return {"type": "cube", "to_world": transform(frame.tolist()), "bsdf": paint}
     if isinstance(solid, Cylinder):
-        return _cylinder(mi, solid, paint)
+        positions, normals, faces = solid.triangles()  # Mitsuba's cylinder is an open tube
+        return mesh(mi, SimpleNamespace(positions=positions, normals=normals, indices=faces), paint, np.eye(4))
     # A rectangle's u runs along its first edge; an image's columns lie along u, a Tiles' rows along its u.
     u, v = np.asarray(solid.v), np.asarray(solid.u)
     frame[:3, :3] = np.stack([u, v, np.cross(u, v) / np.linalg.norm(np.cross(u, v))], axis=1)
     return {"type": "rectangle", "to_world": transform(frame.tolist()), "bsdf": paint}
-
-
-def _cylinder(mi, solid, paint):
-    """Returns a mesh of the cylinder with its caps, because Mitsuba's cylinder is an open tube."""
-    positions, normals, faces = solid.triangles()
-    mesh = mi.Mesh(solid.name, len(positions), len(faces), has_vertex_normals=True, props=_with_paint(mi, paint))
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = mi.Float(positions.astype(np.float32).ravel())
-    parameters["vertex_normals"] = mi.Float(normals.astype(np.float32).ravel())
-    parameters["faces"] = mi.UInt32(faces.astype(np.uint32).ravel())
-    parameters.update()
-    return mesh
-
-
-def _with_paint(mi, paint):
-    properties = mi.Properties()
-    properties["mesh_bsdf"] = mi.load_dict(paint)
-    return properties
-
-
-def _image(mi, values, filter_type):
-    rgb = np.repeat(np.asarray(values, np.float32)[..., None], 3, axis=2)
-    return {
-        "type": "bitmap", "bitmap": mi.Bitmap(np.ascontiguousarray(rgb)), "raw": True, "filter_type": filter_type,
-        "wrap_mode": "clamp",
-    }  # fmt: skip
 
 
 def _laser(mi, hardware, frame):
@@ -192,17 +166,9 @@ def _second(mi, hardware, frame):
 
 
 def _projector(mi, hardware, frame, pose, power):
-    """Returns Mitsuba's projector. It throws an image of irradiance on the plane at one metre, so that the intensity is
-    multiplied by the cosine's third power."""
     width, height = _FINE * PATTERN_WIDTH, _FINE * PATTERN_HEIGHT
-    focal = _FINE * hardware.emitter.K[0, 0]
-    x, y = np.meshgrid((np.arange(width) + 0.5 - 0.5 * width) / focal, (np.arange(height) + 0.5 - 0.5 * height) / focal)
+    focal, cx, cy = _FINE * hardware.emitter.K[0, 0], 0.5 * (width - 1), 0.5 * (height - 1)
+    x, y = np.meshgrid((np.arange(width) - cx) / focal, (np.arange(height) - cy) / focal)
     ways = np.stack([x, y, np.ones_like(x)], axis=-1)
     intensity = hardware.emitter.intensity(ways.reshape(-1, 3), frame).reshape(x.shape)
-    image = power * intensity / np.pi * (1.0 + x**2 + y**2) ** -1.5
-    return {
-        "type": "projector",
-        "to_world": mi.ScalarTransform4f((pose @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist()),
-        "fov": float(np.rad2deg(2 * np.arctan(0.5 * width / focal))),
-        "irradiance": mi.load_dict(_image(mi, image, "bilinear")),
-    }  # fmt: skip
+    return projector(mi, intensity, np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1]]), power, pose)
