@@ -132,10 +132,6 @@ class SensorEngine:
         self._set_signals(picture.signals)
         picture.taken, self.frame = taken, frame
 
-    @property
-    def has_picture(self) -> bool:
-        return self._picture.taken is not None
-
     def picture(self) -> Picture:
         """Returns the current picture. Raises RuntimeError if there is none."""
         if self._picture.taken is None:

@@ -111,11 +111,6 @@ class SensorResults(ABC):
         self.close()
 
     @property
-    def has_picture(self) -> bool:
-        """Returns whether there is a current picture, whose results can be read."""
-        return self._engine.has_picture
-
-    @property
     def frame_index(self) -> int:
         """Returns the number of the last picture, counted from 0; -1 before the first."""
         return self._engine.frame

@@ -28,7 +28,7 @@ from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, CudaMemory, cuda_tensor, require_no_capture, wait_for
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right, inverse_depth, mirrors_or_is_glass, require_row
-from activestereo.sensor.pictures import IrLink, checked_radiance, has_own_memory
+from activestereo.sensor.pictures import IrLink, has_own_memory
 from activestereo.sensor.rig import RigInputs
 
 _NONE = np.uint32(0xFFFFFFFF)
@@ -388,24 +388,6 @@ class GBufferStereo:
         if "valid" in outputs:
             found["valid"] = found["depth"] > 0.0
         return cast(StereoImages, {name: found[name] for name in outputs})
-
-    def compute_depth_from(
-        self, left: ArrayLike, right: ArrayLike, left_laser: ArrayLike | None = None,
-        right_laser: ArrayLike | None = None,
-    ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Computes depth, disparity, ir_left, ir_right and the matcher's reason of the next frame from radiance images
-        left and right, [E, height, width] W/(sr m^2). *_laser: the projector's part of the radiance, the only light
-        with speckle; None: all light has speckle."""
-        pair, lasers = checked_radiance(left, right, left_laser, right_laser, self.shape)
-        self._frame += 1
-        self._rig.begin(self._frame)
-        self._engine.set_signal(*self._rig.signals())
-        self._engine.set_parameters(frame_index=self._frame, scene_index=0)
-        if self._count == 1:  # an engine of one pair has no axis of pairs
-            pair = pair[0][0], pair[1][0]
-            lasers = {name: image[0] for name, image in lasers.items()}
-        own: dict[str, Any] = dict(lasers) | {"noise_seeds": self._seeds}
-        return self._batched(self._engine.compute(*pair, (*_OF_ENGINE, "reason"), **own))
 
     # ---- inside ----
 
