@@ -293,10 +293,6 @@ def _add_lights(light: Light, view: View, inputs: _ViewInputs) -> Light:
     return light
 
 
-def _through_medium(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    return light if inputs.medium is None else through_medium(light, view, inputs.medium)
-
-
 def _reflected(light: Light, view: View, inputs: _ViewInputs) -> Light:
     """Returns the light with changed materials on the chosen surfaces."""
     changed = reflected(light, view, inputs.material(0), inputs.unrendered)
@@ -312,7 +308,7 @@ _IMAGES: dict[str, Callable[[Any, View, _ViewInputs], Any]] = {
     "pattern": _projected,
     "lights": _add_lights,
     "rig_lights": _add_lights,
-    "medium": _through_medium,
+    "medium": lambda light, view, now: light if now.medium is None else through_medium(light, view, now.medium),
     "materials.": _reflected,
 }
 

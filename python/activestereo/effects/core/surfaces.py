@@ -36,12 +36,8 @@ class Surface:
     instance: int | None = None
 
 
-@dataclass(frozen=True)
-class _Instance:
-    """An object of a glTF file. materials: the number of each part's material, -1 where the file names none."""
-
-    name: str
-    materials: tuple[int, ...]
+# (an object's name, the number of each part's material, -1 where the file names none)
+_Instance = tuple[str, tuple[int, ...]]
 
 
 def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
@@ -54,14 +50,14 @@ def scene_surfaces(scene_path: str | Path | None) -> list[Surface]:
         return []
     names = [m.get("name") or f"material {k}" for k, m in enumerate(document.get("materials", []))]
     users: dict[int, list[int]] = {}
-    for number, instance in enumerate(instances):
-        for material in dict.fromkeys(instance.materials):
+    for number, (_, materials) in enumerate(instances):
+        for material in dict.fromkeys(materials):
             users.setdefault(material, []).append(number)
     shared = {k: found for k, found in users.items() if k >= 0 and len(found) > 1}
     whole = [Surface(name, k) for k, name in enumerate([*names, *([_DEFAULT] if -1 in users else [])])]
     out = list(whole)
     for k, found in shared.items():
-        first, *others = (Surface(f"{names[k]}{_OF}{instances[i].name}", k, i) for i in found)
+        first, *others = (Surface(f"{names[k]}{_OF}{instances[i][0]}", k, i) for i in found)
         out[k] = first
         out += others
     return out if len(out) <= MOST_MATERIALS else whole
@@ -81,11 +77,11 @@ def surfaces_of_object(scene_path: str | Path, name: str) -> list[int]:
     """Returns the numbers of the surfaces on the objects of this name. Raises ValueError, with the known names, if
     there is no such object; also if a part of one has no material."""
     instances = _instances(read_document(Path(scene_path)))
-    chosen = [k for k, instance in enumerate(instances) if instance.name == name]
+    chosen = [k for k, (own, _) in enumerate(instances) if own == name]
     if not chosen:
-        known = ", ".join(dict.fromkeys(instance.name for instance in instances)) or "none"
+        known = ", ".join(dict.fromkeys(own for own, _ in instances)) or "none"
         raise ValueError(f"{scene_path}: there is no object '{name}' (there are: {known})")
-    of_objects = {m for k in chosen for m in instances[k].materials}
+    of_objects = {m for k in chosen for m in instances[k][1]}
     if -1 in of_objects:
         raise ValueError(f"{scene_path}: the object '{name}' has a part without a material: give it one")
     return [
@@ -107,7 +103,7 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
         found = scene.summary.instance_count
         raise ValueError(f"{scene_path}: the scene has {found} objects, its file {len(instances)}")
     default = next((k for k, surface in enumerate(surfaces) if surface.name == _DEFAULT), 0)
-    chosen = {n: [default if m < 0 else m for m in instance.materials] for n, instance in enumerate(instances)}
+    chosen = {n: [default if m < 0 else m for m in materials] for n, (_, materials) in enumerate(instances)}
     changed = set()
     for k, surface in enumerate(surfaces):
         if surface.instance is None:
@@ -150,8 +146,13 @@ def numbers_of(name: str, names: Sequence[str]) -> list[int]:
 def _instances(document: dict[str, Any]) -> list[_Instance]:
     """Returns the objects of the default scene in the order of kuafu's numbers: each node before its children."""
     nodes, meshes = document.get("nodes", []), document.get("meshes", [])
+    if document.get("scenes"):
+        roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    else:
+        children = {child for node in nodes for child in node.get("children", [])}
+        roots = [n for n in range(len(nodes)) if n not in children]
     out: list[_Instance] = []
-    stack = list(reversed(_roots(document)))
+    stack = list(reversed(roots))
     while stack:
         node = nodes[stack.pop()]
         matrix = np.reshape(node.get("matrix", np.eye(4)), (4, 4))
@@ -162,17 +163,9 @@ def _instances(document: dict[str, Any]) -> list[_Instance]:
             shown = [p for p in mesh["primitives"] if _TRIANGLES <= p.get("mode", _TRIANGLES) <= _FAN]
             if shown:
                 name = node.get("name") or mesh.get("name") or f"object {len(out)}"
-                out.append(_Instance(name, tuple(p.get("material", -1) for p in shown)))
+                out.append((name, tuple(p.get("material", -1) for p in shown)))
         stack += reversed(node.get("children", []))
     return out
-
-
-def _roots(document: dict[str, Any]) -> list[int]:
-    if document.get("scenes"):
-        return list(document["scenes"][document.get("scene", 0)].get("nodes", []))
-    nodes = document.get("nodes", [])
-    children = {child for node in nodes for child in node.get("children", [])}
-    return [n for n in range(len(nodes)) if n not in children]
 
 
 # A float in a file holds a sum of powers of 2 exactly up to this number of materials.
