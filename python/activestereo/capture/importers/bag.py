@@ -11,14 +11,11 @@ or is realsense-ros' depth aligned to colour."""
 from __future__ import annotations
 
 import io
-import json
 import re
-import sqlite3
 from collections.abc import Callable, Container, Iterator, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import cv2
@@ -35,7 +32,7 @@ from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
 from activestereo.common.optional import imported
-from activestereo.common.output_files import write_png, write_text
+from activestereo.common.output_files import write_png
 from activestereo.common.pose import printed_motion
 
 _STREAMS = {
@@ -257,48 +254,15 @@ def stream_of(topic: str) -> str | None:
 
 
 @contextmanager
-def _with_metadata(path: Path) -> Iterator[Path]:
-    """Yields a temporary folder with a link to a .db3 file and with the metadata.yaml that rosbags needs. The file
-    itself is only read. Raises sqlite3.Error if the file is no such bag."""
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
-        count, first, last = file.execute("SELECT COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages").fetchone()
-        counts = dict(file.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id").fetchall())
-        found = file.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
-    fields = ("name", "type", "serialization_format", "offered_qos_profiles")
-    metadata = {
-        "version": 5,
-        "storage_identifier": "sqlite3",
-        "relative_file_paths": [path.name],
-        "starting_time": {"nanoseconds_since_epoch": first or 0},
-        "duration": {"nanoseconds": (last or 0) - (first or 0)},
-        "message_count": count,
-        "compression_format": "",
-        "compression_mode": "",
-        "topics_with_message_count": [
-            {"topic_metadata": dict(zip(fields, (*topic, ""), strict=True)), "message_count": counts.get(number, 0)}
-            for number, *topic in found
-        ],
-    }
-    with TemporaryDirectory(prefix="activestereo.") as name:
-        folder = Path(name)
-        (folder / path.name).symlink_to(path.absolute())
-        text = json.dumps({"rosbag2_bagfile_information": metadata})  # JSON is YAML
-        write_text(folder / "metadata.yaml", text)
-        yield folder
-
-
-@contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Opens a bag and yields its rosbags reader. Raises ValueError if it cannot be read, on opening or inside the
     block."""
     missing = f"{path}: bags are read by the package rosbags, which is missing: pip install rosbags"
     reading, types = (imported(name, missing, ValueError) for name in ("rosbags.highlevel", "rosbags.typesys"))
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
-    is_lone_db3 = path.suffix == ".db3" and path.is_file() and not is_part
-    folder = _with_metadata(path) if is_lone_db3 else nullcontext(path.parent if is_part else path)
     try:
         store = types.get_typestore(types.Stores.ROS2_HUMBLE)
-        with folder as source, reading.AnyReader([source], default_typestore=store) as reader:
+        with reading.AnyReader([path.parent if is_part else path], default_typestore=store) as reader:
             yield reader
     except ValueError:
         raise
