@@ -46,7 +46,6 @@ def add_parser(commands: cli.Commands) -> None:
     cli.add_shared(parser, unit="the file of a THING", keep_transparent=True)
     cli.add_shared(parser, out=True, device=True, verbose="all things that no frame shows")
     rare = parser.rare_group("many machines, formats and ranges")
-    rare.add_argument("--format", choices=("bop",), default="bop", help="the files' format (default: bop)")
     parser.add_argument("--count", type=cli.integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
     parser.add_argument("--workers", type=cli.integer_from(1), metavar="K", help=text)

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 import simsense
 from activestereo.benchmarks.generate.studio import Frame, Thing
@@ -177,10 +178,8 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
 
 def _box(mask: NDArray[np.bool_]) -> list[int]:
     """Returns a mask's bounding box [x, y, width, height]; -1 four times if the mask is empty, as in BOP."""
-    if not mask.any():
-        return [-1, -1, -1, -1]
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
+    box = Image.fromarray(mask).getbbox()
+    return [-1, -1, -1, -1] if box is None else [box[0], box[1], box[2] - box[0], box[3] - box[1]]
 
 
 def scene_folder(out: Path, number: int) -> Path:
