@@ -172,13 +172,8 @@ def _along_rays(view: View, from_m: float) -> tuple[np.ndarray, ...]:
     along = foot + aside * np.tan(first + share * (last - first))
     way = along - from_m + np.hypot(along - foot, aside)
     factor = np.maximum(last - first, 0.0) / (4.0 * np.pi * aside)
-    return rows, columns, _intensity(view, along[..., None] * ray), way, factor
-
-
-def _intensity(view: View, points: np.ndarray) -> np.ndarray:
-    """Returns the projector's relative intensity towards points [..., 3] in the camera's frame, smoothed over
-    neighbouring dots. It is 0 beside and behind the projector."""
-    dots, points = DotView.of(view), transform(view.camera_to_projector, points)
+    # The projector's relative intensity, smoothed over neighbouring dots; 0 beside and behind the projector.
+    dots, points = DotView.of(view), transform(view.camera_to_projector, along[..., None] * ray)
     u, v = dots.project(points)
     seen = map_coordinates(smooth_pattern(dots.pattern, _DOTS_PX), [v, u], order=1, mode="constant")
-    return np.where(points[..., 2] > 0, seen, 0.0)
+    return rows, columns, np.where(points[..., 2] > 0, seen, 0.0), way, factor

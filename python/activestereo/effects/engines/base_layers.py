@@ -181,7 +181,7 @@ def matt_layers(
     bounces = times**2 * BOUNCED_SHARE * float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
     bounces *= min(1.0, MOST_PIXELS / pixels)
     few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
-    room = world.room_light(request.cameras, spp, seed=seed) if world.has_room_light else None
+    room = None if world.room is None else world.room.images(world.renderer, request.cameras, spp, seed=seed)
     even = LIGHT[2:] if room is None else ()
     with world.lit([(copy_record(request.projector), request.pattern)]):
         bounced = images(wide, LIGHT[1:2] + even, few, request.max_bounces, progress, seed=seed)

@@ -115,7 +115,7 @@ class CaptureRenderer:
         """Renders a request; returns one Layers per camera. progress: called as progress(fraction done)."""
         with self._loaded(request.scene_path) as world:
             may_be_matt = self._smooth and not self._traced
-            if may_be_matt and is_matt_world(world.scene, world.has_room_light):
+            if may_be_matt and is_matt_world(world.scene, world.room is not None):
                 return matt_layers(world, request, self._first, progress)
             return traced_layers(world, request, progress)
 

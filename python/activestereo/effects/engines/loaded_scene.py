@@ -104,23 +104,11 @@ class LoadedScene:
     """
 
     def __init__(self, scene_path: Path, device: kuafu.Device, smooth: bool) -> None:
-        self.device = device
-        self._renderer = kuafu.Renderer(self.device)
+        self.renderer, self.scene = kuafu.Renderer(device), kuafu.Scene(device)
         self._smooth = smooth
-        self.scene = kuafu.Scene(self.device)
         load_scene_file(self.scene, scene_path)
         split_surfaces(self.scene, scene_path)
-        self._room = light_by_room(self.scene, self.device, scene_path)
-
-    @property
-    def has_room_light(self) -> bool:
-        """Returns whether the file's ambient light was measured on each surface."""
-        return self._room is not None
-
-    def room_light(self, cameras: Sequence[kuafu.Camera], samples_per_pixel: int, **options: Any) -> NDArray:
-        """Returns the measured ambient light of a scene with has_room_light, [camera][height][width][1]."""
-        assert self._room is not None
-        return self._room.images(self._renderer, cameras, samples_per_pixel, **options)
+        self.room = light_by_room(self.scene, device, scene_path)
 
     @contextmanager
     def lit(self, lights: Iterable[tuple[kuafu.Light, NDArray | None]]) -> Iterator[None]:
@@ -149,7 +137,7 @@ class LoadedScene:
         try:
             yield
         finally:
-            if self._room is None:
+            if self.room is None:
                 self.scene.set_environment(*_EVEN)
 
     def images(
@@ -168,7 +156,7 @@ class LoadedScene:
         kuafu.Renderer.render()."""
         images: dict[str, NDArray] = {}
         passes = [(tuple(outputs), max_bounces, samples_per_pixel)]
-        if self._room is not None and keeps_surfaces and max_bounces > 0:
+        if self.room is not None and keeps_surfaces and max_bounces > 0:
             # Bounced light is the projector's alone, by matt surfaces, so a few samples are enough.
             bounced = tuple(name for name in outputs if name in LIGHT[1:])
             few = max(1, round(BOUNCED_SHARE * samples_per_pixel))
@@ -176,15 +164,16 @@ class LoadedScene:
             passes = [p for p in ((first, 0, samples_per_pixel), (bounced, max_bounces, few)) if p[0]]
         for done, (names, bounces, samples) in enumerate(passes):
             share = part_of(progress, done / len(passes), (done + 1) / len(passes))
-            images |= self._renderer.render(
+            images |= self.renderer.render(
                 self.scene, cameras, names, band="infrared", max_bounces=bounces, spp=samples, progress=share,
                 environments=environments, **options,
             )  # fmt: skip
         if len(passes) > 1:
             across = 0.0, _SPREAD_PX, _SPREAD_PX, 0.0
             images["projector_indirect"] = gaussian_filter(images["projector_indirect"], across, mode="nearest")
-        if self._room is not None and "ambient" in images:
-            images["ambient"] = images["ambient"] + self.room_light(cameras, samples_per_pixel, **options)
+        if self.room is not None and "ambient" in images:
+            room = self.room.images(self.renderer, cameras, samples_per_pixel, **options)
+            images["ambient"] = images["ambient"] + room
         return images
 
     def views(self, images: Mapping[str, NDArray], cameras: Sequence[kuafu.Camera]) -> list[dict[str, NDArray]]:
