@@ -10,12 +10,12 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "device/thread_pool.h"
 #include "match/matcher.h"
+#include "matcher_bench.h"
 
 namespace {
 
@@ -25,21 +25,10 @@ struct Pair {
   cv::Mat left, right;
 };
 
-/// Dots on a slanted surface with steps, disparity 5 .. 100, uniform noise.
 Pair synthetic_pair() {
-  std::mt19937 random(1);
-  Pair pair{cv::Mat(540, 960, CV_8U), cv::Mat(540, 960, CV_8U)};
-  std::vector<uint8_t> texture(960 + 128);
-  for (int y = 0; y < 540; ++y) {
-    for (uint8_t& value : texture) value = static_cast<uint8_t>(random() % 4 == 0 ? 90 + random() % 150 : 20 + random() % 30);
-    for (int x = 0; x < 960; ++x) {
-      const int disparity = 5 + y / 8 + (x / 240) * 9;
-      const auto noise = [&] { return static_cast<int>(random() % 11) - 5; };
-      pair.right.at<uint8_t>(y, x) = cv::saturate_cast<uint8_t>(texture[static_cast<size_t>(x + 128)] + noise());
-      pair.left.at<uint8_t>(y, x) = cv::saturate_cast<uint8_t>(texture[static_cast<size_t>(x + 128 - disparity)] + noise());
-    }
-  }
-  return pair;
+  const bench::Pair dots = bench::dot_pair(960, 540);
+  const auto image = [](const std::vector<uint8_t>& values) { return cv::Mat(values, true).reshape(1, 540); };
+  return {image(dots.left), image(dots.right)};
 }
 
 /// Wall milliseconds, and processor milliseconds over all threads divided by their number: the latter is what a busy machine distorts
@@ -47,11 +36,6 @@ Pair synthetic_pair() {
 struct Time {
   double wall_ms, cpu_ms;
 };
-
-double median(std::vector<double>& values) {
-  std::nth_element(values.begin(), values.begin() + repeats / 2, values.end());
-  return values[repeats / 2];
-}
 
 template <class F>
 Time median_time(F&& fn) {
@@ -64,7 +48,7 @@ Time median_time(F&& fn) {
     cpu.push_back(1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC / threads);
     wall.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
   }
-  return {median(wall), median(cpu)};
+  return {bench::median(wall), bench::median(cpu)};
 }
 
 Time opencv_time(const Pair& pair, int disparities, int block, int mode) {

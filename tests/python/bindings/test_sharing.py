@@ -115,11 +115,9 @@ def test_a_frame_copies_nothing(small_config, table_top):
     small_config.samples_per_pixel, small_config.max_bounces = 1, 0
     sensor = StereoDepthSensor(small_config, table_top)
     assert sensor.ir_memory in ("opaque_fd", "host")
-    sensor.take_picture(infrared_only=True)  # the first frame uploads the scene
-    sensor.compute_depth()
+    with_depth(sensor, infrared_only=True)  # the first frame uploads the scene
     before = sensor.device.copied_bytes, sensor.engine.device.copied_bytes
-    sensor.take_picture()
-    sensor.compute_depth()
+    with_depth(sensor)
     assert sensor.device.copied_bytes == before[0]
     on_gpu = sensor.engine.device.info.kind not in ("host", "cpu")
     handed_over = sum(array.nbytes for array in sensor._engine.maps._found.values()) if on_gpu else 0

@@ -259,7 +259,3 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top), "--out")
     assert_refused(run("simulat", table_top, *out), "simulat")
     assert not (tmp_path / "out").exists()
-
-
-def test_compare_refuses_what_is_no_capture(run, tmp_path):
-    assert_refused(run("compare", tmp_path / "none", "--out", tmp_path / "out"), "capture.json")

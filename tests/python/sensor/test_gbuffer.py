@@ -15,7 +15,7 @@ from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.sensor.gbuffer.cause import CAUSES
 from activestereo.sensor.gbuffer.stereo import InputImages
 from cuda_stub import seen_by_host, stub_for
-from sensor_scenes import light_of
+from sensor_scenes import light_of, with_depth
 
 FACING = np.array([0.0, 0.0, -1.0])
 
@@ -150,9 +150,8 @@ def traced():
     put("table", box, (1, 1, 0.02), (0, 0, -0.02), base_color=(0.3, 0.3, 0.3, 1), **matt)
     put("box", box, (0.06, 0.06, 0.1), (0, 0.15, 0.1), base_color=(0.6, 0.6, 0.6, 1), **matt)
     put("steel", ball, (0.08,) * 3, (0, -0.12, 0.08), base_color=(0.7, 0.7, 0.7, 1), metallic=1.0, roughness=0.2)
-    sensor = StereoDepthSensor(config, scene, pose=body_pose(look_at((-0.6, 0, 0.6), (0, 0, 0), (0, 0, 1))))
-    sensor.take_picture(infrared_only=True)
-    sensor.compute_depth()
+    pose = body_pose(look_at((-0.6, 0, 0.6), (0, 0, 0), (0, 0, 1)))
+    sensor = with_depth(StereoDepthSensor(config, scene, pose=pose), infrared_only=True)
     images = {name: sensor.get_picture(name, "left") for name in ("depth", "normal", "albedo", "material_id")}
     to_camera = np.linalg.inv(np.array(sensor.ir_cameras()[0].camera_to_world))[:3, :3]
     number = images["material_id"][..., 0].astype(np.int64)

@@ -10,6 +10,7 @@ import kuafu
 from activestereo import StereoDepthSensor
 from activestereo.sensor.maps import Maps
 from activestereo.sensor.pictures import PictureMemory
+from sensor_scenes import with_depth
 
 
 def test_maps_that_were_read_are_computed_with_the_next_picture():
@@ -69,10 +70,7 @@ def test_what_was_read_is_rendered_into_the_hosts_memory_from_then_on(device):
 def test_late_maps_are_of_the_engine_that_the_depth_is_of(small_config, table_top):
     """A penalty that changes after compute_depth() changes nothing of that picture."""
     small_config.samples_per_pixel = 1
-    early, late = (StereoDepthSensor(small_config, table_top) for _ in range(2))
-    for sensor in (early, late):
-        sensor.take_picture(infrared_only=True)
-        sensor.compute_depth()
+    early, late = (with_depth(StereoDepthSensor(small_config, table_top), infrared_only=True) for _ in range(2))
     expected = early.get_disparity(), early.get_ir_measured()
     late.change(p1=1, p2=200)
     late.set_conditions(temperature_c=60.0)

@@ -16,7 +16,7 @@ from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from activestereo.sensor.image_effects import ModelCostWarning
 from activestereo.capture.capture import Camera
-from sensor_scenes import model_of
+from sensor_scenes import model_of, with_depth
 from activestereo.model import Imager, Quantity, Rig, SensorModel, write_model
 
 EFFECTS = builtin()
@@ -154,8 +154,7 @@ def test_an_effect_on_light_changes_the_laser_s_part_as_the_whole(config, scene,
 def test_built_in_effects_of_images_act_on_counts_and_on_disparity(config, scene, name, values):
     with pytest.warns(ModelCostWarning, match=name):
         sensor = StereoDepthSensor(config, scene, pose=POSE, model=model_of(**{name: values}))
-    sensor.take_picture(infrared_only=True)
-    sensor.compute_depth()
+    with_depth(sensor, infrared_only=True)
     if name == "quantisation":
         assert set(np.unique(sensor.get_ir_measured()[0])) <= {*range(0, 256, 16), 255}
     else:
@@ -172,8 +171,7 @@ def test_a_sensor_averages_over_the_frames_that_it_took(config, scene):
         model = model_of(temporal_filter={"alpha": alpha, "delta_px": 1.0})
         sensor, taken = StereoDepthSensor(config, scene, pose=POSE, model=model), []
         for _ in range(6):
-            sensor.take_picture(infrared_only=True)
-            sensor.compute_depth()
+            with_depth(sensor, infrared_only=True)
             taken.append(sensor.get_disparity())
         sensor.close()
         both = (taken[-1] > 0) & (taken[-2] > 0) & (np.abs(taken[-1] - taken[-2]) < 0.9)

@@ -15,6 +15,8 @@ from activestereo.effects import builtin
 from activestereo.model import Quantity, SensorModel
 from activestereo.sensor.cuda_memory import CudaError, CudaMemory
 from cuda_stub import exportable, place_in_file, seen_by_host, stub_for
+from depth_engines import depth_engine
+from sensor_scenes import with_depth
 
 import kuafu
 import simsense
@@ -66,8 +68,7 @@ def pictures(sensor: StereoDepthSensor, set_wall: Any) -> Iterator[dict[str, np.
     """The results of two pictures, and of the second under another matcher."""
     for step in range(2):
         set_wall(0.1 * step)
-        sensor.take_picture()
-        sensor.compute_depth()
+        with_depth(sensor)
         yield host_results(sensor)
     sensor.change(census_width=3, census_height=3)  # what is read now is of before
     yield host_results(sensor)
@@ -128,8 +129,7 @@ def test_torch_has_a_sensors_results_where_they_were_made(torch_on_a_gpu: Any, c
         for step in range(2):
             set_wall(0.1 * step)
             for each in (plain, sensor):
-                each.take_picture()
-                each.compute_depth()
+                with_depth(each)
             expected = host_results(plain)
             for name, image in host_results(sensor).items():
                 np.testing.assert_array_equal(image, expected[name], err_msg=name, strict=True)
@@ -138,8 +138,7 @@ def test_torch_has_a_sensors_results_where_they_were_made(torch_on_a_gpu: Any, c
                     np.testing.assert_array_equal(tensor.cpu().numpy(), image, err_msg=name, strict=True)
         devices = sensor.device, sensor.engine.device
         before = sum(device.copied_bytes for device in devices)
-        sensor.take_picture()
-        sensor.compute_depth()
+        with_depth(sensor)
         size = torch_on_a_gpu.as_tensor(sensor.get_cuda("depth"), device="cuda").nbytes
         assert sum(device.copied_bytes for device in devices) - before < size // 2  # records of scene and cameras
 
@@ -243,11 +242,7 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: An
     height, width, disparity = 96, 160, 7
     texture = np.random.default_rng(1).integers(0, 255, (height, width + disparity), dtype=np.uint8)
     pair = np.stack([texture[:, :width], texture[:, disparity:]])
-    k = np.array([[200.0, 0, 80], [0, 200.0, 48], [0, 0, 1]])
-    camera = simsense.Camera(width, height, k)
-    left_to_right = np.eye(4)
-    left_to_right[0, 3] = -0.05
-    engine = simsense.Engine(device, camera, camera, left_to_right, rectified=True, max_disparity=32)
+    engine = depth_engine((width, height), 200.0, device, max_disparity=32)
     buffer = simsense.Buffer(device, pair.nbytes, exportable=True, host_visible=False)
     tensor = torch.as_tensor(CudaMemory(buffer).array("uint8", pair.shape), device="cuda")
     tensor.copy_(torch.from_numpy(pair))
@@ -269,14 +264,12 @@ def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) ->
     config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
     batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (3, 1, 1))), on_cuda=True)
     for _ in range(2):
-        batch.take_picture()
-        batch.compute_depth()
+        with_depth(batch)
         for name in ("depth", "disparity", "rgba8", "true_depth"):
             tensor = torch.as_tensor(batch.get_cuda(name), device="cuda")
             assert tensor.is_cuda and tensor.shape[0] == 3
             np.testing.assert_array_equal(tensor.cpu().numpy(), getattr(batch, f"get_{name}")())
     before = scene.device.copied_bytes
-    batch.take_picture()
-    batch.compute_depth()
+    with_depth(batch)
     rgba8 = torch.as_tensor(batch.get_cuda("rgba8"), device="cuda")
     assert scene.device.copied_bytes - before < rgba8.nbytes // 4  # records of scene and cameras, no image
