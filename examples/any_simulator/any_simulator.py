@@ -14,7 +14,7 @@ from activestereo import Mounts, StereoDepthSensorBatch, StereoDepthSensorConfig
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import Bodies, Shape, add_mesh
 from activestereo.common.pose import body_pose, look_at
-from activestereo.report.pictures import Labelled, labelled_figure
+from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
 BALLS, RADIUS_M, STEP_S = 5, 0.05, 0.01
@@ -77,8 +77,8 @@ def run(out: Path, environments: int, pictures: int, samples: int) -> float:
     print(f"{100 * good.mean():.1f} % of the measured pixels are within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
     shown = range(min(4, environments))
-    pictures = [Labelled(f"environment {e}: colour", rgb[e]) for e in shown]
-    pictures += [Labelled("depth that the sensor measures", depth[e], (0.4, 1.4)) for e in shown]
+    pictures = [(f"environment {e}: colour", rgb[e], None) for e in shown]
+    pictures += [("depth that the sensor measures", depth[e], (0.4, 1.4)) for e in shown]
     write_figure(out / "any_simulator.png", labelled_figure(pictures, columns=len(shown)))
     return float(good.mean())
 

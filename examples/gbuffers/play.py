@@ -13,7 +13,7 @@ import numpy as np
 from activestereo import GBufferStereo, StereoDepthSensorConfig
 from activestereo.common.pose import look_at
 from activestereo.integrations.gbuffers.pinhole import centred, vertical_fov_deg
-from activestereo.report.pictures import Labelled, labelled_figure
+from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
 CONFIG = centred(StereoDepthSensorConfig("D435").resized(212, 120, fov=60))
@@ -129,9 +129,9 @@ def run(name):
     found = sensor(**images)
     clean = np.asarray(images["depth"]).reshape(-1, *sensor.shape[1:])[0]
     pictures = [
-        Labelled(f"{name}: infrared, left", found["ir_left"][0] / 255.0),
-        Labelled("the simulator's depth", clean, NEAR_FAR_M),
-        Labelled("depth that the D435 measures", found["depth"][0], NEAR_FAR_M),
+        (f"{name}: infrared, left", found["ir_left"][0] / 255.0, None),
+        ("the simulator's depth", clean, NEAR_FAR_M),
+        ("depth that the D435 measures", found["depth"][0], NEAR_FAR_M),
     ]
     return pictures, float(found["valid"].mean())
 

@@ -19,7 +19,7 @@ except ImportError as error:
     sys.exit(f"this example needs the package {error.name}: pip install mani_skill")
 
 import activestereo.integrations.mani_skill  # noqa: F401 (its camera takes ManiSkill's place)
-from activestereo.report.pictures import Labelled, labelled_figure
+from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
 NEAR_FAR_M = (0.3, 1.8)
@@ -40,9 +40,9 @@ def run(out: Path, name: str, size: int, samples: int, steps: int) -> float:
     truth_mm = 1000.0 * env.unwrapped._sensors["base_camera"].sensors.get_true_depth()[0]
     out.mkdir(parents=True, exist_ok=True)
     pictures = [
-        Labelled("colour", rgb / 255.0),
-        Labelled("depth that the D435 measures", depth_mm / 1000.0, NEAR_FAR_M),
-        Labelled("true depth", truth_mm / 1000.0, NEAR_FAR_M),
+        ("colour", rgb / 255.0, None),
+        ("depth that the D435 measures", depth_mm / 1000.0, NEAR_FAR_M),
+        ("true depth", truth_mm / 1000.0, NEAR_FAR_M),
     ]
     write_figure(out / "mani_skill_depth.png", labelled_figure(pictures, columns=3))
     both = (depth_mm > 0) & (truth_mm > 0)

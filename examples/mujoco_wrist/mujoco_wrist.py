@@ -20,7 +20,7 @@ except ImportError:
 
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.integrations.mujoco import MujocoScene
-from activestereo.report.pictures import Labelled, labelled_figure
+from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
 NEAR_FAR_M = 0.5, 1.3
@@ -90,10 +90,10 @@ def run(out: Path, pictures: int, scale: float, samples: int) -> float:
     print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
     pictures = [
-        Labelled("colour", sensor.get_rgb()),
-        Labelled("left infrared camera", sensor.get_ir()[0]),
-        Labelled("depth that the D435 measures", depth, NEAR_FAR_M),
-        Labelled("true depth", truth, NEAR_FAR_M),
+        ("colour", sensor.get_rgb(), None),
+        ("left infrared camera", sensor.get_ir()[0], None),
+        ("depth that the D435 measures", depth, NEAR_FAR_M),
+        ("true depth", truth, NEAR_FAR_M),
     ]
     write_figure(out / "mujoco_wrist.png", labelled_figure(pictures, columns=2))
     return float(good.mean())

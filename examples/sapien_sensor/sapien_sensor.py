@@ -18,7 +18,7 @@ except ImportError:
     sys.exit("this example needs the package sapien: pip install sapien")
 
 from activestereo.integrations.sapien import ActorBuilder, StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.report.pictures import Labelled, labelled_figure
+from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
 
@@ -66,9 +66,9 @@ def run(out: Path, scale: float, samples: int, steps: int) -> float:
     print(f"{100 * measured.mean():.1f} % measured, {100 * good.mean():.1f} % of that within 2 % of the true depth")
     out.mkdir(parents=True, exist_ok=True)
     pictures = [
-        Labelled("colour", sensor.get_rgb()),
-        Labelled("depth that the D435 measures", depth, (0.5, 1.4)),
-        Labelled("true depth", truth, (0.5, 1.4)),
+        ("colour", sensor.get_rgb(), None),
+        ("depth that the D435 measures", depth, (0.5, 1.4)),
+        ("true depth", truth, (0.5, 1.4)),
     ]
     write_figure(out / "sapien_sensor.png", labelled_figure(pictures, columns=3))
     for entity in list(

@@ -3,7 +3,6 @@
 without pyplot, so that no global state changes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -188,34 +187,26 @@ def _bars(axes: Axes, rows: Sequence[Accuracy], values: Sequence[float], title: 
         spine.set_visible(False)
 
 
-@dataclass(frozen=True)
-class Labelled:
-    """A picture with its title. image: RGB [height][width][3] or grey [height][width] in 0..1, or depth [height][width]
-    in metres, 0 = none. near_far_m: the ends of the depth's colour scale; None for no depth."""
-
-    name: str
-    image: NDArray
-    near_far_m: tuple[float, float] | None = None
-
-
-def labelled_figure(pictures: Sequence[Labelled], columns: int) -> Figure:
-    """Draws the pictures with their titles in rows of `columns`. Depth is coloured, and black where it is missing."""
+def labelled_figure(pictures: Sequence[tuple[str, NDArray, tuple[float, float] | None]], columns: int) -> Figure:
+    """Draws pictures, (title, image, ends of the colour scale), with their titles in rows of `columns`. image: RGB
+    [height][width][3] or grey [height][width] in 0..1, without ends (None); or depth [height][width] in metres, which
+    is coloured, and black where it is missing (0)."""
     rows = -(-len(pictures) // columns)
-    aspect = pictures[0].image.shape[0] / pictures[0].image.shape[1]
-    has_depth = any(picture.near_far_m is not None for picture in pictures)
+    aspect = pictures[0][1].shape[0] / pictures[0][1].shape[1]
+    has_depth = any(near_far is not None for *_, near_far in pictures)
     size = columns * _PANEL_IN + has_depth * _BAR_IN, rows * (_PANEL_IN * aspect + _TITLE_IN)
     figure = Figure(figsize=size, layout="constrained", facecolor="white")
     colours = colormaps["viridis_r"].with_extremes(bad="black")
-    for place, picture in zip(figure.subplots(rows, columns, squeeze=False).ravel(), pictures, strict=False):
-        if picture.near_far_m is None:
-            place.imshow(np.clip(picture.image, 0.0, 1.0), cmap="gray", vmin=0.0, vmax=1.0)
+    places = figure.subplots(rows, columns, squeeze=False).ravel()
+    for place, (name, image, near_far) in zip(places, pictures, strict=False):
+        if near_far is None:
+            place.imshow(np.clip(image, 0.0, 1.0), cmap="gray", vmin=0.0, vmax=1.0)
         else:
-            known = np.ma.masked_equal(picture.image, 0.0)
-            near, far = picture.near_far_m
+            known, (near, far) = np.ma.masked_equal(image, 0.0), near_far
             shown = place.imshow(known, cmap=colours, vmin=near, vmax=far, interpolation="nearest")
             bar = figure.colorbar(shown, ax=place, extend="both", fraction=0.04, pad=0.02)
             bar.set_label("m (black: none)", size=8, color=MUTED)
             bar.ax.tick_params(labelsize=8, colors=MUTED)
-        place.set_title(picture.name, size=10, color=INK, loc="left")
+        place.set_title(name, size=10, color=INK, loc="left")
         place.set_axis_off()
     return figure
