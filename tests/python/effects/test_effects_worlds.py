@@ -12,8 +12,8 @@ from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import Pattern, disc_sampler
 from effect_worlds import PATTERN, POSE, PROJECTOR_K, TWIST, seen, smooth_places, view_of
-from scipy.linalg import expm
 from scipy.ndimage import map_coordinates
+from virtual_sensor.held_out.rig import moved
 
 EFFECTS = builtin()
 
@@ -76,11 +76,7 @@ def test_baseline_drift_is_another_baseline(nominal):
 @pytest.mark.parametrize("delay_s", [0.01, -0.01])
 def test_exposure_desync_is_the_view_of_the_moved_rig(nominal, delay_s):
     light, view = nominal
-    generator = np.zeros((4, 4))
-    v, w = TWIST[:3], TWIST[3:]
-    generator[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
-    generator[:3, 3] = v
-    truth, _ = seen(left_to_world=POSE @ expm(delay_s * generator))
+    truth, _ = seen(left_to_world=moved(POSE, TWIST, delay_s)[0])
     modelled = EFFECTS["exposure_desync"](light, view, delay_s=delay_s)
     smooth = smooth_places(view.depth_m)
     assert unexplained(light, truth, modelled, "direct", smooth) < 0.25

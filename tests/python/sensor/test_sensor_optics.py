@@ -5,12 +5,12 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.common.pose import as_matrix, camera_to_world
 from sensor_scenes import wall_scene, with_depth
+from virtual_sensor.held_out.rig import moved
 
 LENS = (-0.08, 0.02, 2e-4, -3e-4, 0.0)  # a barrel of some percent, as wide-angle modules have
 RATIONAL_LENS = (0.12, -0.05, 2e-4, -3e-4, 0.01, 0.2, -0.03, 0.01)  # as strong a barrel, by its denominator
@@ -100,16 +100,13 @@ def test_the_whole_rig_moves_as_one_body(small_config):
     assert left.linear_velocity == pytest.approx((0.3, -0.2, 0.5))
     assert left.angular_velocity == pytest.approx((0.4, 1.5, -0.7))
 
-    def pose_at(thing, pose, time_s):
-        wx, wy, wz = thing.angular_velocity
-        generator = np.zeros((4, 4))
-        generator[:3] = np.column_stack([[[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]], thing.linear_velocity])
-        return pose @ expm(time_s * generator)
+    def at_both_times(thing, pose):
+        return moved(pose, [thing.linear_velocity, thing.angular_velocity], [0.0, 0.8])
 
+    to_left = np.linalg.inv(at_both_times(left, left.camera_to_world))
     poses = right.camera_to_world, rgb.camera_to_world, projector.light_to_world
     for thing, pose in zip((right, rgb, projector), poses, strict=True):
-        beside = [np.linalg.inv(pose_at(left, left.camera_to_world, t)) @ pose_at(thing, pose, t) for t in (0.0, 0.8)]
-        np.testing.assert_allclose(*beside, atol=1e-7)
+        np.testing.assert_allclose(*(to_left @ at_both_times(thing, pose)), atol=1e-7)
     np.testing.assert_allclose(
         projector.light_to_world, camera_to_world(as_matrix(small_config.pose_rgb_irproj)), atol=1e-7
     )

@@ -83,8 +83,7 @@ template <class T>
 void expect_same_depth(const EngineHandle& engine, const Pair& pair, const std::vector<float>& expected) {
   const Scattered<T> left(pair.left), right(pair.right);
   std::vector<float> depth(expected.size());
-  ASSERT_EQ(compute(engine, left.image, right.image, {output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}))}), KS_OK)
-      << simsense_last_error();
+  expect_computed(engine, left.image, right.image, {output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, {height, width}))});
   EXPECT_EQ(depth, expected);
 }
 
@@ -118,8 +117,8 @@ TEST(Engine, WritesAnyStrides) {
     turned.image.byte_stride[0] = static_cast<int64_t>(element);
     turned.image.byte_stride[1] = -static_cast<int64_t>(height * element);
     const simsense_image left = host_image(pair.left, {height, width}), right = host_image(pair.right, {height, width});
-    ASSERT_EQ(compute(engine, left, right, {output_of(output, plain)}), KS_OK) << simsense_last_error();
-    ASSERT_EQ(compute(engine, left, right, {output_of(output, turned)}), KS_OK) << simsense_last_error();
+    expect_computed(engine, left, right, {output_of(output, plain)});
+    expect_computed(engine, left, right, {output_of(output, turned)});
     size_t different = 0;
     for (size_t y = 0; y < height; ++y)
       for (size_t x = 0; x < width; ++x)
@@ -143,10 +142,8 @@ TEST(Engine, BatchEqualsItsPairs) {
     expected.insert(expected.end(), points.begin(), points.end());
   }
   std::vector<float> points(expected.size());
-  ASSERT_EQ(compute(batch, host_image(left, {3, height, width}), host_image(right, {3, height, width}),
-                    {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {3, 80, 120, 3}))}),
-            KS_OK)
-      << simsense_last_error();
+  expect_computed(batch, host_image(left, {3, height, width}), host_image(right, {3, height, width}),
+                  {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {3, 80, 120, 3}))});
   EXPECT_EQ(points, expected);
 }
 
@@ -158,17 +155,14 @@ TEST(Engine, GivesTheSameOutputsTogetherAsApart) {
   std::vector<float> disparity(width * height), depth(width * height), depth_rgb(120 * 80), points(120 * 80 * 3);
   std::vector<uint8_t> ir[2] = {std::vector<uint8_t>(width * height), std::vector<uint8_t>(width * height)}, rectified[2] = {ir[0], ir[0]};
   const std::vector<uint64_t> shape{height, width};
-  ASSERT_EQ(
-      compute(
-          engine, host_image(pair.left, shape), host_image(pair.right, shape),
-          {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {80, 120, 3})),
-           output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape)), output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, shape)),
-           output_of(SIMSENSE_OUTPUT_DEPTH_RGB, host_image(depth_rgb, {80, 120})),
-           output_of(SIMSENSE_OUTPUT_IR_LEFT, host_image(ir[0], shape)), output_of(SIMSENSE_OUTPUT_IR_RIGHT, host_image(ir[1], shape)),
-           output_of(SIMSENSE_OUTPUT_RECTIFIED_LEFT, host_image(rectified[0], shape)),
-           output_of(SIMSENSE_OUTPUT_RECTIFIED_RIGHT, host_image(rectified[1], shape))}),
-      KS_OK)
-      << simsense_last_error();
+  expect_computed(
+      engine, host_image(pair.left, shape), host_image(pair.right, shape),
+      {output_of(SIMSENSE_OUTPUT_POINTS, host_image(points, {80, 120, 3})),
+       output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape)), output_of(SIMSENSE_OUTPUT_DEPTH, host_image(depth, shape)),
+       output_of(SIMSENSE_OUTPUT_DEPTH_RGB, host_image(depth_rgb, {80, 120})), output_of(SIMSENSE_OUTPUT_IR_LEFT, host_image(ir[0], shape)),
+       output_of(SIMSENSE_OUTPUT_IR_RIGHT, host_image(ir[1], shape)),
+       output_of(SIMSENSE_OUTPUT_RECTIFIED_LEFT, host_image(rectified[0], shape)),
+       output_of(SIMSENSE_OUTPUT_RECTIFIED_RIGHT, host_image(rectified[1], shape))});
   const auto alone = [&]<class T>(uint32_t output, std::vector<uint64_t> s, T) {
     return compute_one<T>(engine, output, pair, height, width, s);
   };
@@ -285,7 +279,7 @@ TEST_P(EngineBuffers, AreReadAndWrittenInPlace) {
   right.image.offset_bytes = width * height;
   depth.image.offset_bytes = 16;
   const uint64_t before = copied_bytes(device);
-  ASSERT_EQ(compute(engine, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}), KS_OK) << simsense_last_error();
+  expect_computed(engine, left, right, {output_of(SIMSENSE_OUTPUT_DEPTH, depth)});
   EXPECT_EQ(copied_bytes(device), before);
   EXPECT_EQ(std::memcmp(static_cast<uint8_t*>(out) + 16, expected.data(), expected.size() * 4), 0);
   const Device other = open_device();
@@ -310,10 +304,8 @@ TEST(EngineBuffersOfTheBestDevice, AreNotCopiedAndHostImagesAre) {
   simsense_image depth = host_image(expected, {height, width});
   depth.buffer = buffer.get();
   const uint64_t before = copied_bytes(device);
-  ASSERT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
-                    {output_of(SIMSENSE_OUTPUT_DEPTH, depth)}),
-            KS_OK)
-      << simsense_last_error();
+  expect_computed(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
+                  {output_of(SIMSENSE_OUTPUT_DEPTH, depth)});
   EXPECT_EQ(copied_bytes(device) - before, 2 * pixels) << "the two images that lie with the host";
   std::vector<float> result(pixels);
   ASSERT_EQ(simsense_buffer_read(buffer.get(), 0, result.data(), pixels * 4), KS_OK) << simsense_last_error();

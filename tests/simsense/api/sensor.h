@@ -94,6 +94,11 @@ inline ks_status compute(const EngineHandle& engine, const simsense_image& left,
   return simsense_engine_compute(engine.get(), &desc);
 }
 
+inline void expect_computed(const EngineHandle& engine, const simsense_image& left, const simsense_image& right,
+                            const std::vector<simsense_output_desc>& outputs) {
+  EXPECT_EQ(compute(engine, left, right, outputs), KS_OK) << simsense_last_error();
+}
+
 /// A pair of packed 8-bit images.
 struct Pair {
   std::vector<uint8_t> left, right;
@@ -122,10 +127,8 @@ std::vector<T> compute_one(const EngineHandle& engine, uint32_t output, const Pa
   uint64_t count = 1;
   for (uint64_t n : shape) count *= n;
   std::vector<T> out(count, T(77));
-  EXPECT_EQ(compute(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
-                    {output_of(output, host_image(out, shape))}),
-            KS_OK)
-      << simsense_last_error();
+  expect_computed(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
+                  {output_of(output, host_image(out, shape))});
   return out;
 }
 
