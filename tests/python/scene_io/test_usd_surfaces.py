@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import io
-import json
 import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from glb_file import Glb
 from PIL import Image
 
 import kuafu
@@ -27,19 +26,6 @@ def _stage(folder: Path, body: str) -> Path:
     path = folder / "a.usda"
     path.write_text('#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Y"\n)\n' + body)
     return path
-
-
-def _accessor(glb: Path, name: str) -> np.ndarray:
-    """The first mesh's indices, or [n, 3] of an attribute."""
-    data = glb.read_bytes()
-    size = struct.unpack("<I", data[12:16])[0]
-    document = json.loads(data[20 : 20 + size])
-    primitive = document["meshes"][0]["primitives"][0]
-    accessor = document["accessors"][primitive[name] if name == "indices" else primitive["attributes"][name]]
-    at = 28 + size + document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
-    if name == "indices":
-        return np.frombuffer(data, "<u4", accessor["count"], at)
-    return np.frombuffer(data, "<f4", 3 * accessor["count"], at).reshape(-1, 3)
 
 
 _TILTED = "(0.6, 0, 0.8)"
@@ -64,7 +50,7 @@ def test_normals_of_any_interpolation_and_type(tmp_path: Path, normals: str, til
     path = _stage(tmp_path, f'def Mesh "M"\n{{\n uniform token subdivisionScheme = "none"\n{_QUAD} {normals}\n}}\n')
     converted = convert(path, tmp_path / "a.glb")
     expected = [0.6, 0, 0.8] if tilted else [0, 0, 1]
-    np.testing.assert_allclose(_accessor(tmp_path / "a.glb", "NORMAL"), [expected] * 4, atol=1e-6)
+    np.testing.assert_allclose(Glb(tmp_path / "a.glb").values("NORMAL"), [expected] * 4, atol=1e-6)
     assert len(converted.messages) == bool(said) and all(said in message for message in converted.messages)
 
 
@@ -154,7 +140,7 @@ def test_a_concave_face_is_covered_once(
         f" point3f[] points = [{text}]\n}}\n",
     )
     convert(path, tmp_path / "a.glb")
-    points, indices = (_accessor(tmp_path / "a.glb", name) for name in ("POSITION", "indices"))
+    points, indices = (Glb(tmp_path / "a.glb").values(name) for name in ("POSITION", "indices"))
     a, b, c = (points[indices.reshape(-1, 3)[:, k], :2].astype(float) for k in range(3))
     twice = np.cross(b - a, c - a) * (1 if orientation == "rightHanded" else -1)
     (x, y), (next_x, next_y) = corners.T, np.roll(corners, -1, axis=0).T
@@ -209,35 +195,15 @@ def _sheet(name: str, material: str | None, more: str = "") -> str:
     return _SHEET.format(name=name, binding=binding, more=more)
 
 
-class _Made:
-    """A converted stage: its messages, its glTF, its pictures."""
+class _Made(Glb):
+    """A converted stage."""
 
     def __init__(self, folder: Path, text: str) -> None:
-        (folder / "a.usda").write_text("#usda 1.0\n(\n metersPerUnit = 1\n)\n" + text)
-        self.messages = convert(folder / "a.usda", folder / "a.glb").messages
-        data = (folder / "a.glb").read_bytes()
-        length = struct.unpack("<I", data[12:16])[0]
-        self.document = json.loads(data[20 : 20 + length])
-        self._buffer = data[20 + length + 8 :]
-        self.material = {m["name"]: m for m in self.document["materials"]}
+        self.messages = convert(_stage(folder, text), folder / "a.glb").messages
+        super().__init__(folder / "a.glb")
 
     def told(self, words: str) -> bool:
         return any(words in message for message in self.messages)
-
-    def _bytes(self, view: int) -> bytes:
-        entry = self.document["bufferViews"][view]
-        return self._buffer[entry["byteOffset"] : entry["byteOffset"] + entry["byteLength"]]
-
-    def pixel(self, material: str, texture: str) -> Any:
-        """The first pixel of a material's texture."""
-        number = self.material[material]["pbrMetallicRoughness"][texture]["index"]
-        image = self.document["images"][self.document["textures"][number]["source"]]
-        return Image.open(io.BytesIO(self._bytes(image["bufferView"]))).getpixel((0, 0))
-
-    def uvs(self, mesh: int) -> np.ndarray:
-        attributes = self.document["meshes"][mesh]["primitives"][0]["attributes"]
-        accessor = self.document["accessors"][attributes["TEXCOORD_0"]]
-        return np.frombuffer(self._bytes(accessor["bufferView"]), np.float32).reshape(-1, 2)
 
 
 def _color(path: Path, color: Any, mode: str = "RGB") -> None:
@@ -261,7 +227,7 @@ def test_inputs_are_followed_to_the_materials_own(tmp_path: Path) -> None:
     made = _Made(tmp_path, _sheet("A", "Paint") + paint)
     assert made.pixel("/Paint", "baseColorTexture") == (9, 8, 7)
     assert made.material["/Paint"]["pbrMetallicRoughness"]["metallicFactor"] == 0.75
-    assert [0.25, 0.5] in made.uvs(0).tolist()
+    assert [0.25, 0.5] in made.values("TEXCOORD_0").tolist()
     assert made.told("a transform of its coordinates")
 
 
@@ -281,7 +247,7 @@ def test_a_subset_has_its_own_materials_coordinates(tmp_path: Path) -> None:
         Reader=_READER + ' = "map1"',
     )
     made = _Made(tmp_path, _sheet("A", None, subset) + paint)
-    assert [0.25, 0.5] in made.uvs(0).tolist()
+    assert [0.25, 0.5] in made.values("TEXCOORD_0").tolist()
     assert made.told("its textures lie by map1; st are not read")
 
 
