@@ -281,8 +281,6 @@ def _light_scene(
 def _view_of_capture(args: argparse.Namespace) -> Frame:
     """Returns the first frame of the capture in the folder args.scene. Sets args.scene to the capture's scene file."""
     capture = read_capture(args.scene)
-    if capture.scene_path is None:
-        raise cli.CommandError(f"{args.scene}: this capture has no scene: give a scene file")
     args.scene = capture.scene_path
     return capture.frames[0]
 
