@@ -56,6 +56,13 @@ def add(scene, name, kind, pose, visual=True, **shape):
     return builder.build(name)
 
 
+@pytest.fixture
+def mount(scene):
+    """A camera's place above a table."""
+    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
+    return camera_entity(scene)
+
+
 TURNED = [0.9238795, 0.0, 0.0, 0.3826834]  # 45 degrees about z
 THINGS = {
     "box": (sapien.Pose([0.1, 0.2, 0.05], TURNED), {"half_size": [0.05, 0.08, 0.05]}),
@@ -108,7 +115,6 @@ def test_true_depth_is_that_of_the_shapes(scene, visual):
     for kind, (pose, shape) in THINGS.items():
         add(scene, kind, kind, pose, visual, **shape)
     config = small()
-    config.rgb_resolution = (160, 120)
     sensor = StereoDepthSensor(config, mount)
     sensor.take_picture()
     truth, seen = traced_depth(config, sensor.get_pose())
@@ -161,9 +167,7 @@ def test_falling_things_are_seen_where_physics_has_them(scene):
     assert heights[1][0] == pytest.approx(0.2, abs=0.01)
 
 
-def test_results_have_sapiens_types(scene):
-    mount = camera_entity(scene)
-    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
+def test_results_have_sapiens_types(mount):
     config = small()
     config.rgb_resolution = (170, 130)
     local = sapien.Pose([0.0, 0.0, 0.1])
@@ -191,9 +195,7 @@ def test_results_have_sapiens_types(scene):
     assert sensor.get_depth().any()
 
 
-def test_a_box_bounds_the_depth(scene):
-    mount = camera_entity(scene)
-    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
+def test_a_box_bounds_the_depth(mount):
     sensor = StereoDepthSensor(small(), mount)
     sensor.take_picture(infrared_only=True)
     sensor.compute_depth((60, 40), (40, 30))
@@ -210,10 +212,8 @@ def test_a_mount_that_is_in_no_scene_is_told():
         StereoDepthSensor(small(), sapien.Entity()).take_picture()
 
 
-def test_on_a_device_or_a_clear_no(scene):
+def test_on_a_device_or_a_clear_no(mount):
     torch = pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
-    mount = camera_entity(scene)
-    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
     sensor = StereoDepthSensor(small(), mount)
     sensor.take_picture()
     sensor.compute_depth()
@@ -274,9 +274,7 @@ RIGHT = [
 ]  # fmt: skip
 
 
-def test_setters_refuse_what_sapiens_refuse_and_take_the_rest(scene):
-    mount = camera_entity(scene)
-    add(scene, "table", "box", sapien.Pose([0, 0, -0.02]), half_size=[20, 20, 0.02])
+def test_setters_refuse_what_sapiens_refuse_and_take_the_rest(mount):
     early, late = (StereoDepthSensor(small(), mount) for _ in range(2))
     late.take_picture(infrared_only=True)
     for sensor in (early, late):

@@ -254,7 +254,6 @@ TEST(vulkan_engine, low_memory_gives_the_same_maps) {
   rig.low_memory = 1;
   simsense_parameters p = small_parameters();
   p.max_disparity = 16;
-  p.block_width = p.block_height = 3;
   compare(rig, p, {{SIMSENSE_OUTPUT_DISPARITY, KS_FORMAT_F32}, {SIMSENSE_OUTPUT_CONFIDENCE, KS_FORMAT_F32}});
 }
 
