@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
 namespace simsense::reference {
@@ -83,30 +84,17 @@ Volume<uint16_t> hamming_cost(const Grid<uint64_t>& left, const Grid<uint64_t>& 
   return cost;
 }
 
-namespace {
-
-/// Sum over `length` neighbours along one axis, given by the step (1, 0) or (0, 1).
-Volume<uint16_t> line_sum(const Volume<uint16_t>& cost, size_t length, ptrdiff_t step_x, ptrdiff_t step_y) {
-  const ptrdiff_t half = static_cast<ptrdiff_t>(length / 2);
-  const ptrdiff_t last_x = static_cast<ptrdiff_t>(cost.width) - 1, last_y = static_cast<ptrdiff_t>(cost.height) - 1;
-  Volume<uint16_t> sum(cost.width, cost.height, cost.disparities);
-  for (ptrdiff_t y = 0; y <= last_y; ++y) {
-    for (ptrdiff_t x = 0; x <= last_x; ++x) {
-      uint16_t* out = sum.at(static_cast<size_t>(x), static_cast<size_t>(y));
-      for (ptrdiff_t k = -half; k <= half; ++k) {
-        const ptrdiff_t nx = std::clamp<ptrdiff_t>(x + k * step_x, 0, last_x), ny = std::clamp<ptrdiff_t>(y + k * step_y, 0, last_y);
-        const uint16_t* in = cost.at(static_cast<size_t>(nx), static_cast<size_t>(ny));
-        for (size_t d = 0; d < cost.disparities; ++d) out[d] = static_cast<uint16_t>(out[d] + in[d]);
-      }
-    }
-  }
-  return sum;
-}
-
-}  // namespace
-
 Volume<uint16_t> block_sum(const Volume<uint16_t>& cost, size_t block_width, size_t block_height) {
-  return line_sum(line_sum(cost, block_width, 1, 0), block_height, 0, 1);
+  const auto add_rows = [](const uint16_t* in, uint16_t* out, size_t rows, size_t columns, size_t count) {
+    const cv::Size size(static_cast<int>(columns), static_cast<int>(rows));
+    cv::Mat sums(size, CV_16U, out);
+    cv::boxFilter(cv::Mat(size, CV_16U, const_cast<uint16_t*>(in)), sums, -1, {1, static_cast<int>(count)}, {-1, -1}, false,
+                  cv::BORDER_REPLICATE);
+  };
+  Volume<uint16_t> lines = cost, sum = cost;
+  for (size_t y = 0; y < cost.height; ++y) add_rows(cost.at(0, y), lines.at(0, y), cost.width, cost.disparities, block_width);
+  add_rows(lines.at(0, 0), sum.at(0, 0), cost.height, cost.width * cost.disparities, block_height);
+  return sum;
 }
 
 namespace {

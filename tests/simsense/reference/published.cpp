@@ -5,6 +5,9 @@
 #include <bit>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "simsense/reference/match.h"
 
 namespace simsense::reference {
 namespace {
@@ -69,15 +72,8 @@ Costs hamming(const std::vector<uint32_t>& left, const std::vector<uint32_t>& ri
 
 Costs block_sum(const Costs& cost, const Size& s, int block_w, int block_h) {
   Costs sum(cost.size());
-  for (int y = 0; y < s.h; ++y)
-    for (int x = 0; x < s.w; ++x)
-      for (int d = 0; d < s.d; ++d) {
-        int total = 0;
-        for (int dy = -(block_h / 2); dy <= block_h / 2; ++dy)
-          for (int dx = -(block_w / 2); dx <= block_w / 2; ++dx)
-            total += cost[s.at(std::clamp(x + dx, 0, s.w - 1), std::clamp(y + dy, 0, s.h - 1), d)];
-        sum[s.at(x, y, d)] = static_cast<uint16_t>(total);
-      }
+  const auto image = [&](const Costs& costs) { return cv::Mat(s.h, s.w, CV_16UC(s.d), const_cast<uint16_t*>(costs.data())); };
+  cv::boxFilter(image(cost), image(sum), -1, {block_w, block_h}, {-1, -1}, false, cv::BORDER_REPLICATE);
   return sum;
 }
 
@@ -131,30 +127,17 @@ int right_disparity(const std::vector<int>& cost, const Size& s, int x, int y) {
   return best;
 }
 
-std::vector<float> disparities(const std::vector<int>& cost, const Size& s, const simsense_parameters& p) {
-  std::vector<float> disparity(static_cast<size_t>(s.w) * static_cast<size_t>(s.h));
+Grid<float> disparities(const std::vector<int>& cost, const Size& s, const simsense_parameters& p) {
+  Grid<float> disparity(static_cast<size_t>(s.w), static_cast<size_t>(s.h));
   for (int y = 0; y < s.h; ++y)
     for (int x = 0; x < s.w; ++x) {
-      float& value = disparity[s.at(x, y)];
+      float& value = disparity.data[s.at(x, y)];
       value = left_disparity(&cost[s.at(x, y, 0)], s.d, static_cast<int>(p.uniqueness_ratio));
       if (p.lr_max_diff < 0) continue;
       const int whole = static_cast<int>(std::round(value));
       if (whole < 0 || x - whole < 0 || std::abs(whole - right_disparity(cost, s, x - whole, y)) > p.lr_max_diff) value = -1;
     }
   return disparity;
-}
-
-std::vector<float> median(const std::vector<float>& in, const Size& s, int size) {
-  std::vector<float> out = in;
-  const int half = size / 2;
-  for (int y = half; y < s.h - half; ++y)
-    for (int x = half; x < s.w - half; ++x) {
-      std::vector<float> window;
-      for (int k = 0; k < size * size; ++k) window.push_back(in[s.at(x - half + k % size, y - half + k / size)]);
-      std::sort(window.begin(), window.end());
-      out[s.at(x, y)] = window[window.size() / 2];
-    }
-  return out;
 }
 
 /// Every left pixel, measured or not, lands on one RGB pixel; the nearest one stays. The z-buffer starts at the largest depth.
@@ -176,14 +159,8 @@ std::vector<float> registered(const std::vector<float>& depth, const Size& s, co
       float& cell = out[rgb.at(static_cast<int>(column), static_cast<int>(row))];
       cell = std::min(cell, seen[2]);
     }
-  if (p.depth_dilation == 0) return out;
-  const std::vector<float> landed = out;
-  for (int y = 0; y < rgb.h; ++y)
-    for (int x = 0; x < rgb.w; ++x)
-      for (int k2 = 1; k2 < 4; ++k2) {
-        const int from_x = x + k2 % 2, from_y = y + k2 / 2;
-        if (from_x < rgb.w && from_y < rgb.h) out[rgb.at(x, y)] = std::min(out[rgb.at(x, y)], landed[rgb.at(from_x, from_y)]);
-      }
+  cv::Mat image(rgb.h, rgb.w, CV_32F, out.data());
+  if (p.depth_dilation != 0) cv::erode(image, image, cv::Mat::ones(2, 2, CV_8U), {0, 0});  // the nearest of a pixel, right and below
   return out;
 }
 
@@ -198,7 +175,7 @@ std::vector<float> published_depth(const simsense_rig_desc& rig, const simsense_
   const int block_w = static_cast<int>(p.block_width), block_h = static_cast<int>(p.block_height), area = block_w * block_h;
   const Costs cost = block_sum(hamming(census(l, s, census_w, census_h), census(r, s, census_w, census_h), s), s, block_w, block_h);
   const auto sums = aggregated(cost, s, static_cast<int>(p.p1) * area, static_cast<int>(p.p2) * area);
-  const std::vector<float> disparity = median(disparities(sums, s, p), s, static_cast<int>(p.median_size));
+  const std::vector<float> disparity = median(disparities(sums, s, p), p.median_size).data;
   std::vector<float> depth(disparity.size());
   const float focal_baseline = rectifier.focal_length() * rectifier.baseline();
   for (size_t i = 0; i < depth.size(); ++i) depth[i] = disparity[i] <= 0 ? 0 : focal_baseline / disparity[i];
