@@ -133,7 +133,10 @@ def _lamp(text: str) -> float:
 
 def run(args: argparse.Namespace) -> None:
     model = read_sensor_model(args)
-    view = _view_of_capture(args) if args.scene.is_dir() else None
+    view = None
+    if args.scene.is_dir():  # a capture: its scene, from its first frame's pose
+        capture = read_capture(args.scene)
+        args.scene, view = capture.scene_path, capture.frames[0]
     config = make_config(args, model, view)
     if not args.scene.exists():
         raise cli.CommandError(f"{args.scene}: there is no such file")
@@ -276,13 +279,6 @@ def _light_scene(
             infrared = 0.0
     scene.set_environment(radiance, infrared, light_group=ALL_SIDES)
     return None if is_lit else radiance[0]
-
-
-def _view_of_capture(args: argparse.Namespace) -> Frame:
-    """Returns the first frame of the capture in the folder args.scene. Sets args.scene to the capture's scene file."""
-    capture = read_capture(args.scene)
-    args.scene = capture.scene_path
-    return capture.frames[0]
 
 
 def _sensor_pose(

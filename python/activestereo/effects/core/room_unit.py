@@ -135,7 +135,7 @@ class PlaneMatch:
         most: tangents of the largest tilt and pan."""
         way, lit = seen.lit_from(pose[:3])
         turn = axes(*pose[3:])
-        height, width = self._shape
+        width = self._shape[1]
         row, column, inside = pixels_of(way @ turn, self._K, self._shape, self._before)
         inside &= lit > 0
         at, lit = (row * width + column)[inside], np.where(inside, lit, 0.0)
