@@ -6,7 +6,7 @@ All values are irradiance / pi, so that albedo times a value is a radiance.
 """
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.sparse import csr_matrix
 
 from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest
@@ -125,18 +125,9 @@ class Lightmap:
 
 
 def _bilinear(grid, row, column, wraps):
-    height, width = grid.shape
-    row = np.clip(row, 0, height - 1)
-    i = np.minimum(row.astype(int), height - 2)
-    a = row - i
     if wraps:
-        j = np.floor(column).astype(int)
-        b, j, k = column - j, j % width, (j + 1) % width
-    else:
-        column = np.clip(column, 0, width - 1)
-        j = np.minimum(column.astype(int), width - 2)
-        b, k = column - j, j + 1
-    return (grid[i, j] * (1 - b) + grid[i, k] * b) * (1 - a) + (grid[i + 1, j] * (1 - b) + grid[i + 1, k] * b) * a
+        grid, column = np.pad(grid, ((0, 0), (0, 1)), mode="wrap"), column % grid.shape[1]
+    return map_coordinates(grid, [row, column], order=1, mode="nearest")
 
 
 def _cosine(normals, u):

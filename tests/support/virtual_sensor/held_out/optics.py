@@ -2,7 +2,7 @@
 """Turns radiance on the subpixel grid into light on pixels: blur, stray light, shading."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import fourier_shift, gaussian_filter
 from scipy.signal import fftconvolve
 
 from virtual_sensor.held_out.rig import HEIGHT, WIDTH
@@ -67,9 +67,8 @@ def shading(side, hidden, rig):
 def _aside(image, fraction, shift_u_px, shift_v_px):
     """Returns the image moved right and down by real numbers of pixels (a phase shift in Fourier space), dark beyond
     the frame."""
-    wide = np.pad(image, 24)
-    phase = shift_u_px * np.fft.fftfreq(wide.shape[1]) + shift_v_px * np.fft.fftfreq(wide.shape[0])[:, None]
-    return np.fft.ifft2(np.fft.fft2(wide) * np.exp(-2j * np.pi * phase)).real[24:-24, 24:-24]
+    moved = fourier_shift(np.fft.fft2(np.pad(image, 24)), (shift_v_px, shift_u_px))
+    return np.fft.ifft2(moved).real[24:-24, 24:-24]
 
 
 def _blurred(fine, diameter_px):
