@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Speckle filter and hole filling against plain accounts of them, and by hand.
+// Speckle filter, hole filling and other checks against OpenCV and by hand.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
 #include <random>
 #include <vector>
 
@@ -39,33 +41,6 @@ struct Checked {
   }
 };
 
-/// Islands found by flooding from each pixel in turn.
-std::vector<float> without_islands(std::vector<float> disparity, uint32_t width, float invalid, size_t max_size, float max_diff) {
-  const uint32_t height = static_cast<uint32_t>(disparity.size()) / width;
-  std::vector<bool> seen(disparity.size());
-  const std::vector<float> before = disparity;
-  for (uint32_t start = 0; start < disparity.size(); ++start) {
-    if (seen[start] || before[start] == invalid) continue;
-    std::vector<uint32_t> island{start};
-    seen[start] = true;
-    for (size_t k = 0; k < island.size(); ++k) {
-      const uint32_t i = island[k], x = i % width, y = i / width;
-      const auto reach = [&](bool inside, uint32_t j) {
-        if (!inside || seen[j] || before[j] == invalid || std::abs(before[i] - before[j]) > max_diff) return;
-        seen[j] = true;
-        island.push_back(j);
-      };
-      reach(x > 0, i - 1);
-      reach(x + 1 < width, i + 1);
-      reach(y > 0, i - width);
-      reach(y + 1 < height, i + width);
-    }
-    if (island.size() > max_size) continue;
-    for (const uint32_t i : island) disparity[i] = invalid;
-  }
-  return disparity;
-}
-
 std::vector<float> filtered(std::vector<float> disparity, uint32_t width, float invalid, uint32_t max_size, float max_diff,
                             unsigned threads) {
   ks::ThreadPool workers(threads);
@@ -74,7 +49,7 @@ std::vector<float> filtered(std::vector<float> disparity, uint32_t width, float 
   return disparity;
 }
 
-TEST(SpeckleFilter, EqualsFlooding) {
+TEST(SpeckleFilter, EqualsOpenCvs) {
   std::mt19937 random(1);
   for (int i = 0; i < 30; ++i) {
     const uint32_t width = 20 + random() % 90, height = 20 + random() % 90, levels = 2 + random() % 5;
@@ -82,7 +57,11 @@ TEST(SpeckleFilter, EqualsFlooding) {
     for (float& d : disparity) d = random() % 3 == 0 ? -1.0f : 10.0f + 0.75f * static_cast<float>(random() % levels);
     const uint32_t max_size = random() % 40;
     const float max_diff = 0.75f * static_cast<float>(random() % 3);
-    const auto expected = without_islands(disparity, width, -1, max_size, max_diff);
+    cv::Mat quarters;  // OpenCV takes whole numbers
+    cv::Mat(static_cast<int>(height), static_cast<int>(width), CV_32F, disparity.data()).convertTo(quarters, CV_16S, 4);
+    cv::filterSpeckles(quarters, -4, static_cast<int>(max_size), double{4 * max_diff});
+    quarters.convertTo(quarters, CV_32F, 0.25);
+    const std::vector<float> expected(quarters.begin<float>(), quarters.end<float>());
     ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 1), expected) << width << "x" << height;
     ASSERT_EQ(filtered(disparity, width, -1, max_size, max_diff, 3), expected) << width << "x" << height;
   }
@@ -128,20 +107,15 @@ void expect_blank_squares_dropped(uint32_t width, uint32_t height, uint32_t spot
   ks::ThreadPool workers(threads);
   const ConstImage left{reinterpret_cast<const uint8_t*>(image.data()), static_cast<ptrdiff_t>(width), sizeof(T)};
   TextureCheck().apply({2}, left, width, height, checked.maps(), -1, workers);
-  std::vector<bool> drops(image.size());
-  const auto around = [&](uint32_t i, uint32_t far, const auto& visit) {
-    const uint32_t x = i % width, y = i / width;
-    for (uint32_t v = y - std::min(y, far); v < std::min(height, y + far + 1); ++v)
-      for (uint32_t u = x - std::min(x, far); u < std::min(width, x + far + 1); ++u) visit(v * width + u);
-  };
-  for (uint32_t i = 0; i < image.size(); ++i) {
-    T low = image[i], high = image[i];
-    around(i, reach, [&](uint32_t k) { low = std::min(low, image[k]), high = std::max(high, image[k]); });
-    if (high - low < 2) around(i, drop_reach, [&](uint32_t k) { drops[k] = true; });
-  }
+  const cv::Mat counts = cv::Mat_<T>(image).reshape(1, static_cast<int>(height));
+  const auto square = [](uint32_t far) { return cv::Mat::ones(2 * static_cast<int>(far) + 1, 2 * static_cast<int>(far) + 1, CV_8U); };
+  cv::Mat low, high, drops;
+  cv::erode(counts, low, square(reach));
+  cv::dilate(counts, high, square(reach));
+  cv::dilate(high - low < 2, drops, square(drop_reach));
   size_t dropped = 0;
   for (uint32_t i = 0; i < image.size(); ++i) {
-    const bool goes = drops[i] && before[i] >= 0;
+    const bool goes = drops.data[i] != 0 && before[i] >= 0;
     dropped += goes;
     checked.expect(i, before[i], goes ? MatchReason::low_texture : MatchReason::valid);
   }
