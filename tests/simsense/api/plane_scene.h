@@ -2,29 +2,21 @@
 // Images of a plane with a random dot texture, from the camera model: pixel means over supersampled rays, lenses and poses honoured.
 #pragma once
 
-#include <array>
 #include <cmath>
 #include <cstdint>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "simsense/api/sensor.h"
 
 namespace simsense_test {
 
-using Vector = std::array<double, 3>;
-
-inline double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-/// from_to: row-major 4x4. The rotation's columns are from's axes in to.
-inline Vector rotated(const double* m, const Vector& v) {
-  return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[4] * v[0] + m[5] * v[1] + m[6] * v[2], m[8] * v[0] + m[9] * v[1] + m[10] * v[2]};
-}
-inline Vector rotated_back(const double* m, const Vector& v) {
-  return {m[0] * v[0] + m[4] * v[1] + m[8] * v[2], m[1] * v[0] + m[5] * v[1] + m[9] * v[2], m[2] * v[0] + m[6] * v[1] + m[10] * v[2]};
-}
+/// Of a row-major 4x4.
+inline cv::Matx33d rotation(const double* pose) { return cv::Matx44d(pose).get_minor<3, 3>(0, 0); }
+inline cv::Vec3d translation(const double* pose) { return {pose[3], pose[7], pose[11]}; }
 
 /// Direction of a pixel at z = 1, the lens, if any, undone by fixed-point iteration.
-inline Vector ray(const simsense_camera& c, double u, double v) {
+inline cv::Vec3d ray(const simsense_camera& c, double u, double v) {
   const double* d = c.lens.distortion;
   const double x0 = (u - c.k[2]) / c.k[0], y0 = (v - c.k[5]) / c.k[4];
   double x = x0, y = y0;
@@ -40,16 +32,15 @@ inline Vector ray(const simsense_camera& c, double u, double v) {
 
 /// A plane normal . p = distance in the left camera's frame, covered with Gaussian dots, one in each cell of a jittered grid.
 struct Plane {
-  Vector normal{0, 0, 1};
+  cv::Vec3d normal{0, 0, 1};
   double distance_m = 1;
   double cell_m = 0.007;  // about 3 pixels
   uint32_t seed = 1;
 
   /// z of the plane along a ray of a camera whose frame is the left one's turned by left_to_camera and moved.
-  [[nodiscard]] double depth(const double* left_to_camera, const Vector& direction) const {
-    const Vector n = rotated(left_to_camera, normal);
-    const Vector t{left_to_camera[3], left_to_camera[7], left_to_camera[11]};
-    return (distance_m + dot(n, t)) / dot(n, direction) * direction[2];
+  [[nodiscard]] double depth(const double* left_to_camera, const cv::Vec3d& direction) const {
+    const cv::Vec3d n = rotation(left_to_camera) * normal;
+    return (distance_m + n.dot(translation(left_to_camera))) / n.dot(direction) * direction[2];
   }
 
   [[nodiscard]] double texture(double x, double y) const {
@@ -73,14 +64,13 @@ struct Plane {
 inline std::vector<uint8_t> render(const Plane& plane, const simsense_camera& c, const double* left_to_camera) {
   constexpr int samples = 3;
   std::vector<uint8_t> image(size_t{c.width} * c.height);
-  const Vector t{left_to_camera[3], left_to_camera[7], left_to_camera[11]};
+  const cv::Matx33d back = rotation(left_to_camera).t();
   for (uint32_t v = 0; v < c.height; ++v)
     for (uint32_t u = 0; u < c.width; ++u) {
       double sum = 0;
       for (int s = 0; s < samples * samples; ++s) {
-        const Vector d = ray(c, u + (s % samples + 0.5) / samples - 0.5, v + (s / samples + 0.5) / samples - 0.5);
-        const double z = plane.depth(left_to_camera, d) / d[2];
-        const Vector p = rotated_back(left_to_camera, {d[0] * z - t[0], d[1] * z - t[1], d[2] * z - t[2]});
+        const cv::Vec3d d = ray(c, u + (s % samples + 0.5) / samples - 0.5, v + (s / samples + 0.5) / samples - 0.5);
+        const cv::Vec3d p = back * (d * (plane.depth(left_to_camera, d) / d[2]) - translation(left_to_camera));
         sum += plane.texture(p[0], p[1]);
       }
       image[size_t{v} * c.width + u] = static_cast<uint8_t>(std::fmin(255.0, 140 * sum / (samples * samples)));

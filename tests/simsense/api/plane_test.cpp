@@ -165,9 +165,8 @@ TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
   EXPECT_GT(a.fill, 0.85);
   const auto points = compute_one<float>(engine, SIMSENSE_OUTPUT_POINTS, pair, height, width, {226, 400, 3});
   std::vector<double> distance;  // of each point from the plane
-  const Vector n = rotated(rig.left_to_rgb, plane.normal), t{rig.left_to_rgb[3], rig.left_to_rgb[7], rig.left_to_rgb[11]};
+  const cv::Vec3d n = rotation(rig.left_to_rgb) * plane.normal, t = translation(rig.left_to_rgb);
   for (size_t i = 0; i < points.size(); i += 3)
-    if (points[i + 2] > 0)
-      distance.push_back(std::abs(dot(n, {points[i] - t[0], points[i + 1] - t[1], points[i + 2] - t[2]}) - plane.distance_m));
+    if (points[i + 2] > 0) distance.push_back(std::abs(n.dot(cv::Vec3d(points[i], points[i + 1], points[i + 2]) - t) - plane.distance_m));
   EXPECT_LT(median(distance), 0.004);
 }
