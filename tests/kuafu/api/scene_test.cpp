@@ -60,9 +60,7 @@ class SceneApi : public testing::Test {
 
 TEST_F(SceneApi, ReadsBackEveryMaterialFieldThatTheCaptureFormatNames) {
   GltfWriter w;
-  const std::string png = png_pixel();
-  w.root["images"] = {{{"bufferView", w.view(png.data(), png.size())}, {"mimeType", "image/png"}}};
-  w.root["textures"] = {{{"source", 0}}};
+  w.texture();
   const json texture = {{"index", 0}};
   w.root["materials"] = {{{"name", "full"},
                           {"pbrMetallicRoughness",
