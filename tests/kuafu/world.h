@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <glm/glm.hpp>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -18,7 +19,7 @@
 
 namespace laws {
 
-using Vec3 = std::array<double, 3>;
+using Vec3 = glm::dvec3;
 inline constexpr double pi = std::numbers::pi;
 
 inline void ok(ks_status status) { ASSERT_EQ(status, KS_OK) << kuafu_last_error(); }

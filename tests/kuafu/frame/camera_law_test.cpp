@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cameras: images, shutters, lenses, bands, environments.
+#include <glm/gtc/type_ptr.hpp>
+
 #include "kuafu/world.h"
 
 namespace laws {
@@ -221,27 +223,19 @@ TEST(Shutter, a_twist_is_the_body_s) {
   kuafu_view_desc view = view_at({0.02, 0.03, -0.1}, 24, 9, focal_px, 0.2);
   view.camera.shutter = KUAFU_SHUTTER_ROLLING;
   view.camera.line_time_s = 0.1;
-  std::copy(v.begin(), v.end(), view.camera.linear_velocity);
-  std::copy(w.begin(), w.end(), view.camera.angular_velocity);
+  std::copy_n(&v.x, 3, view.camera.linear_velocity);
+  std::copy_n(&w.x, 3, view.camera.angular_velocity);
   const Pixels rolled = world.image(view, KUAFU_OUTPUT_DEPTH);
   for (const uint32_t row : {0u, 2u, 4u, 8u}) {
     // exp by many small steps of the body
     const double t = 0.1 * (row - 4.0);
     constexpr int steps = 20000;
-    double pose[16];
-    std::copy_n(view.camera.camera_to_world, 16, pose);
-    for (int i = 0; i < steps; ++i) {
-      const double s = t / steps;
-      const double step[16] = {1,         -w[2] * s, w[1] * s, v[0] * s, w[2] * s, 1, -w[0] * s, v[1] * s,
-                               -w[1] * s, w[0] * s,  1,        v[2] * s, 0,        0, 0,         1};
-      double next[16] = {};
-      for (int r = 0; r < 4; ++r)
-        for (int c = 0; c < 4; ++c)
-          for (int k = 0; k < 4; ++k) next[4 * r + c] += pose[4 * r + k] * step[4 * k + c];
-      std::copy_n(next, 16, pose);
-    }
+    const Vec3 turn = w * (t / steps), way = v * (t / steps);
+    const glm::dmat4 step(1, -turn.z, turn.y, way.x, turn.z, 1, -turn.x, way.y, -turn.y, turn.x, 1, way.z, 0, 0, 0, 1);
+    glm::dmat4 pose = glm::make_mat4(view.camera.camera_to_world);
+    for (int i = 0; i < steps; ++i) pose = step * pose;  // both are transposed
     kuafu_view_desc still = view_at({0, 0, 0}, 24, 9, focal_px);
-    std::copy_n(pose, 16, still.camera.camera_to_world);
+    std::copy_n(glm::value_ptr(pose), 16, still.camera.camera_to_world);
     const Pixels depth = world.image(still, KUAFU_OUTPUT_DEPTH);
     for (uint32_t c = 0; c < 24; ++c) EXPECT_NEAR(rolled.at(0, row, c), depth.at(0, row, c), 1e-4) << row << " " << c;
   }

@@ -9,7 +9,7 @@ namespace {
 using Pose = std::array<double, 16>;
 
 void set_velocity(World& world, uint32_t instance, const Vec3& linear, const Vec3& angular = {0, 0, 0}) {
-  ok(kuafu_scene_set_instance_velocity(world.scene(), instance, linear.data(), angular.data()));
+  ok(kuafu_scene_set_instance_velocity(world.scene(), instance, &linear.x, &angular.x));
 }
 
 kuafu_view_desc rolling(uint32_t width, uint32_t height, double line_time_s, double exposure_s = 0) {
@@ -64,12 +64,8 @@ TEST(Motion, aovs_are_those_of_the_row_s_time) {
 
 /// Twist of an object in its own frame that is `-twist` of the camera at the origin: v' = -R^T (v + w x p), w' = -R^T w.
 std::pair<Vec3, Vec3> opposite(const Pose& pose, const Vec3& v, const Vec3& w) {
-  const Vec3 p{pose[3], pose[7], pose[11]};
-  const Vec3 at{v[0] + w[1] * p[2] - w[2] * p[1], v[1] + w[2] * p[0] - w[0] * p[2], v[2] + w[0] * p[1] - w[1] * p[0]};
-  Vec3 linear{}, angular{};
-  for (int i = 0; i < 3; ++i)
-    for (int k = 0; k < 3; ++k) linear[i] -= pose[4 * k + i] * at[k], angular[i] -= pose[4 * k + i] * w[k];
-  return {linear, angular};
+  const glm::dmat3 back(pose[0], pose[1], pose[2], pose[4], pose[5], pose[6], pose[8], pose[9], pose[10]);
+  return {-(back * (v + glm::cross(w, Vec3(pose[3], pose[7], pose[11])))), -(back * w)};
 }
 
 /// A room of diffuse, glossy and clear things under a projector, a lamp of some size and a shining plate; all move as asked.
@@ -85,8 +81,8 @@ void furnish(World& world, const Vec3& v, const Vec3& w) {
   add(quad({0, 0, 0}, {-0.1, 0, 0}, {0, 0.1, 0}), emitter(1.0f), placed({0.4, -0.3, 1.0}, 0.5));
   const auto add_light = [&](kuafu_light_desc light, const Pose& pose) {
     const auto [linear, angular] = opposite(pose, v, w);
-    std::copy(linear.begin(), linear.end(), light.linear_velocity);
-    std::copy(angular.begin(), angular.end(), light.angular_velocity);
+    std::copy_n(&linear.x, 3, light.linear_velocity);
+    std::copy_n(&angular.x, 3, light.angular_velocity);
     return world.add_light(light, pose);
   };
   kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
@@ -106,8 +102,8 @@ std::map<uint32_t, Pixels> moving_camera(uint32_t tracer, uint32_t max_bounces) 
   furnish(world, {0, 0, 0}, {0, 0, 0});
   world.take(16, max_bounces);
   kuafu_view_desc view = rolling(40, 24, 3e-3, 8e-3);
-  std::copy(v.begin(), v.end(), view.camera.linear_velocity);
-  std::copy(w.begin(), w.end(), view.camera.angular_velocity);
+  std::copy_n(&v.x, 3, view.camera.linear_velocity);
+  std::copy_n(&w.x, 3, view.camera.angular_velocity);
   return world.render({view}, outputs);
 }
 
@@ -226,9 +222,9 @@ TEST(Motion, what_cannot_be_is_refused_with_the_numbers) {
   World world;
   const uint32_t id = world.add(quad({0, 0, 2}, {-5, 0, 0}, {0, 5, 0}), lambert(0.5f));
   const Vec3 zero{}, nan{0, NAN, 0};
-  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), id, nan.data(), zero.data()), "linear_velocity is nan");
-  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), id, zero.data(), nullptr), "angular is NULL");
-  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), 7, zero.data(), zero.data()), "no instance 7");
+  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), id, &nan.x, &zero.x), "linear_velocity is nan");
+  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), id, &zero.x, nullptr), "angular is NULL");
+  expect_refused(kuafu_scene_set_instance_velocity(world.scene(), 7, &zero.x, &zero.x), "no instance 7");
   kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
   uint32_t light_id = 0;
   light.on_from_s = 1;

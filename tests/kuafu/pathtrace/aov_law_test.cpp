@@ -13,14 +13,11 @@ class Aovs : public testing::TestWithParam<uint32_t> {
   World world_;
 };
 
-double dot(const Vec3& a, const Vec3& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 /// Where the pixel's ray meets the plane through `point` with the given normal.
 Vec3 on_plane(const kuafu_view_desc& view, uint32_t row, uint32_t column, const Vec3& point, const Vec3& normal) {
   const double* k = view.camera.k;
   const Vec3 ray{(column - k[2]) / k[0], (row - k[5]) / k[4], 1};
-  const double z = dot(point, normal) / dot(ray, normal);
-  return {ray[0] * z, ray[1] * z, z};
+  return ray * (glm::dot(point, normal) / glm::dot(ray, normal));
 }
 
 TEST_P(Aovs, say_where_the_surface_is_and_what_it_is_made_of) {

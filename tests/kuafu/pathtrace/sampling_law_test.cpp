@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Samples: bits, seeds, pixels, tracers, and the size of an estimate.
 #include <cmath>
-#include <glm/glm.hpp>
 #include <random>
 
 #include "kuafu/world.h"
@@ -195,7 +194,7 @@ TEST(Estimator, many_seeds_at_four_samples_have_the_mean_of_many_samples) {
 }
 
 struct Triangle {
-  glm::dvec3 a, e1, e2, normal;
+  Vec3 a, e1, e2, normal;
   double albedo, emission;
 };
 
@@ -211,22 +210,22 @@ class Room {
     m.ir_emission = float(emission);
     world.add(shape, m);
     for (size_t i = 0; i < shape.indices.size(); i += 3) {
-      glm::dvec3 p[3];
+      Vec3 p[3];
       for (size_t k = 0; k < 3; ++k)
         for (size_t c = 0; c < 3; ++c) p[k][c] = double(shape.positions[3 * shape.indices[i + k] + c]);
-      const glm::dvec3 e1 = p[1] - p[0], e2 = p[2] - p[0];
+      const Vec3 e1 = p[1] - p[0], e2 = p[2] - p[0];
       triangles_.push_back({p[0], e1, e2, glm::normalize(glm::cross(e1, e2)), albedo, emission});
     }
   }
 
   /// Radiance along a ray: emission where the eye looks, and light of the lamp on bounces + 1 surfaces.
-  double radiance(glm::dvec3 origin, glm::dvec3 direction, int bounces) {
+  double radiance(Vec3 origin, Vec3 direction, int bounces) {
     double sum = 0, throughput = 1;
     for (int bounce = 0; bounce <= bounces; ++bounce) {
       const Hit hit = closest(origin, direction);
       if (hit.triangle == nullptr) break;
       if (bounce == 0) sum += hit.triangle->emission;
-      const glm::dvec3 n = glm::faceforward(hit.triangle->normal, direction, hit.triangle->normal);
+      const Vec3 n = glm::faceforward(hit.triangle->normal, direction, hit.triangle->normal);
       origin = origin + direction * hit.t + n * 1e-9;
       throughput *= hit.triangle->albedo;
       sum += throughput / pi * irradiance(origin, n);
@@ -238,22 +237,22 @@ class Room {
  private:
   double random() { return uniform_(random_); }
 
-  [[nodiscard]] Hit closest(const glm::dvec3& origin, const glm::dvec3& direction) const {
+  [[nodiscard]] Hit closest(const Vec3& origin, const Vec3& direction) const {
     Hit hit;
     for (const Triangle& t : triangles_) {  // Moeller and Trumbore 1997
-      const glm::dvec3 p = glm::cross(direction, t.e2), s = origin - t.a, q = glm::cross(s, t.e1);
+      const Vec3 p = glm::cross(direction, t.e2), s = origin - t.a, q = glm::cross(s, t.e1);
       const double det = glm::dot(t.e1, p), u = glm::dot(s, p) / det, v = glm::dot(direction, q) / det, way = glm::dot(t.e2, q) / det;
       if (u >= 0 && v >= 0 && u + v <= 1 && way > 1e-9 && way < hit.t) hit = {way, &t};
     }
     return hit;
   }
 
-  double irradiance(const glm::dvec3& point, const glm::dvec3& n) {
+  double irradiance(const Vec3& point, const Vec3& n) {
     double sum = 0;
     for (const Triangle& t : triangles_) {
       if (t.emission == 0) continue;
       const double root = std::sqrt(random()), v = random() * root;
-      const glm::dvec3 way = t.a + t.e1 * (1 - root) + t.e2 * v - point, d = glm::normalize(way);
+      const Vec3 way = t.a + t.e1 * (1 - root) + t.e2 * v - point, d = glm::normalize(way);
       const double cos_here = glm::dot(d, n), area = 0.5 * glm::length(glm::cross(t.e1, t.e2));
       if (cos_here <= 0 || closest(point, d).triangle != &t) continue;
       sum += t.emission * cos_here * std::abs(glm::dot(d, t.normal)) * area / glm::dot(way, way);
@@ -261,10 +260,9 @@ class Room {
     return sum;
   }
 
-  glm::dvec3 cosine_around(const glm::dvec3& n) {
+  Vec3 cosine_around(const Vec3& n) {
     const double phi = 2 * pi * random(), r2 = random(), r = std::sqrt(r2);
-    const glm::dvec3 x = glm::normalize(glm::cross(std::abs(n[0]) > 0.5 ? glm::dvec3{0, 1, 0} : glm::dvec3{1, 0, 0}, n)),
-                     y = glm::cross(n, x);
+    const Vec3 x = glm::normalize(glm::cross(std::abs(n[0]) > 0.5 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, n)), y = glm::cross(n, x);
     return x * (r * std::cos(phi)) + y * (r * std::sin(phi)) + n * std::sqrt(1 - r2);
   }
 
@@ -296,7 +294,7 @@ TEST(Cornell, mean_radiance_is_that_of_another_path_tracer) {
       double sum = 0;
       for (int i = 0; i < paths; ++i) {
         const double x = c + uniform(random) - (size - 1) / 2.0, y = r + uniform(random) - (size - 1) / 2.0;
-        sum += room.radiance({0, 0, -0.5}, glm::normalize(glm::dvec3(x / focal_px, y / focal_px, 1)), bounces);
+        sum += room.radiance({0, 0, -0.5}, glm::normalize(Vec3(x / focal_px, y / focal_px, 1)), bounces);
       }
       expected[2 * r / size] += sum / paths;
       seen[2 * r / size] += double(image.at(0, r, c));

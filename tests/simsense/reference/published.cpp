@@ -7,8 +7,6 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "simsense/reference/match.h"
-
 namespace simsense::reference {
 namespace {
 
@@ -127,17 +125,30 @@ int right_disparity(const std::vector<int>& cost, const Size& s, int x, int y) {
   return best;
 }
 
-Grid<float> disparities(const std::vector<int>& cost, const Size& s, const simsense_parameters& p) {
-  Grid<float> disparity(static_cast<size_t>(s.w), static_cast<size_t>(s.h));
+std::vector<float> disparities(const std::vector<int>& cost, const Size& s, const simsense_parameters& p) {
+  std::vector<float> disparity(static_cast<size_t>(s.w) * static_cast<size_t>(s.h));
   for (int y = 0; y < s.h; ++y)
     for (int x = 0; x < s.w; ++x) {
-      float& value = disparity.data[s.at(x, y)];
+      float& value = disparity[s.at(x, y)];
       value = left_disparity(&cost[s.at(x, y, 0)], s.d, static_cast<int>(p.uniqueness_ratio));
       if (p.lr_max_diff < 0) continue;
       const int whole = static_cast<int>(std::round(value));
       if (whole < 0 || x - whole < 0 || std::abs(whole - right_disparity(cost, s, x - whole, y)) > p.lr_max_diff) value = -1;
     }
   return disparity;
+}
+
+std::vector<float> median(const std::vector<float>& in, const Size& s, int size) {
+  std::vector<float> out = in;
+  const int half = size / 2;
+  for (int y = half; y < s.h - half; ++y)
+    for (int x = half; x < s.w - half; ++x) {
+      std::vector<float> window;
+      for (int k = 0; k < size * size; ++k) window.push_back(in[s.at(x - half + k % size, y - half + k / size)]);
+      std::sort(window.begin(), window.end());
+      out[s.at(x, y)] = window[window.size() / 2];
+    }
+  return out;
 }
 
 /// Every left pixel, measured or not, lands on one RGB pixel; the nearest one stays. The z-buffer starts at the largest depth.
@@ -175,7 +186,7 @@ std::vector<float> published_depth(const simsense_rig_desc& rig, const simsense_
   const int block_w = static_cast<int>(p.block_width), block_h = static_cast<int>(p.block_height), area = block_w * block_h;
   const Costs cost = block_sum(hamming(census(l, s, census_w, census_h), census(r, s, census_w, census_h), s), s, block_w, block_h);
   const auto sums = aggregated(cost, s, static_cast<int>(p.p1) * area, static_cast<int>(p.p2) * area);
-  const std::vector<float> disparity = median(disparities(sums, s, p), p.median_size).data;
+  const std::vector<float> disparity = median(disparities(sums, s, p), s, static_cast<int>(p.median_size));
   std::vector<float> depth(disparity.size());
   const float focal_baseline = rectifier.focal_length() * rectifier.baseline();
   for (size_t i = 0; i < depth.size(); ++i) depth[i] = disparity[i] <= 0 ? 0 : focal_baseline / disparity[i];

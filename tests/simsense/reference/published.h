@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The published SimSense (github.com/angli66/simsense) as it computes, faults included, written from an analysis of its stages: one plain
-// function, sharing nothing with the engine nor with the other reference stages but the rig's types and OpenCV's stereoRectify, which it
-// calls too. Integer stages are its integers; float stages are single precision with one rounding per multiply-add, as a GPU computes them.
+// function, sharing nothing with the engine nor with the other reference stages but the rig's types and OpenCV. Integer stages are its
+// integers; float stages are single precision with one rounding per multiply-add, as a GPU computes them.
 #pragma once
 
 #include <cstdint>
