@@ -9,6 +9,7 @@ overfitted.
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,9 @@ DOT_CELL_PX = 3
 # Dots of the pattern are at least so many pattern pixels apart, and no dimmer than this share of the brightest.
 _DOT_PX, _DIMMEST = 5, 0.1
 _SPREAD, _SEED = 0.1, 13
-# Draws are independent so many steps apart.
-_APART = 3
+# Draws are independent so many steps apart: images that are resampled share one step, cells of dots do too. Two steps
+# and three tell structure that alternates.
+_APART = (2, 3)
 # Least share of the true variance by which an estimate is divided: less would only amplify noise.
 _LEAST = 0.1
 _JACKKNIFE = 16
@@ -328,14 +330,14 @@ def _row_of(
 
 
 def _is_random(totals: np.ndarray, variance: float, shape: tuple[int, ...], numbers: Numbers) -> bool:
-    """Returns whether draws that lie _APART steps apart on their grid are independent. Their covariance must be a small
-    share of the variance."""
+    """Returns whether draws that lie _APART steps apart on their grid are independent. Their covariance, of either sign,
+    must be a small share of the variance."""
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
     a, b = (total[:count].reshape(-1, *shape) for total in totals)
-    for axis in range(1, a.ndim):
-        near, far = np.arange(a.shape[axis] - _APART), np.arange(_APART, a.shape[axis])
+    for axis, apart in product(range(1, a.ndim), _APART):
+        near, far = np.arange(a.shape[axis] - apart), np.arange(apart, a.shape[axis])
         both = (a.take(near, axis) * a.take(far, axis)).sum()
-        if both > 0 and (b.take(near, axis) * b.take(far, axis)).sum() > numbers.neighbours * variance * both:
+        if both > 0 and abs((b.take(near, axis) * b.take(far, axis)).sum()) > numbers.neighbours * variance * both:
             return False
     return True
 
