@@ -374,24 +374,19 @@ def _check_size(entry: JsonObject, key: str, camera: Camera) -> None:
         entry.fail(key, f"{path.name} is {width}x{height}, the rig says {camera.width}x{camera.height}")
 
 
-# Images up to this size stay whole; larger ones are binned to at most half as many pixels.
-MOST_PIXELS = 848 * 480
+# Images up to the first size stay whole, larger ones are binned to it. Images up to the second one get full samples.
+_WHOLE_PIXELS, _SAMPLED_PIXELS = 480 * 270, 848 * 480
 
 
 def usual_samples(capture: Capture) -> int:
-    """Returns the default samples per pixel: 64 for images of up to MOST_PIXELS. Larger ones get fewer, for the same
-    sum."""
-    return max(4, round(64 * min(1.0, MOST_PIXELS / _pixels(capture.rig))))
+    """Returns the default samples per pixel: 64 for images of up to _SAMPLED_PIXELS. Larger ones get fewer, for the
+    same sum."""
+    return max(4, round(64 * min(1.0, _SAMPLED_PIXELS / _pixels(capture.rig))))
 
 
 def usual_binning(capture: Capture) -> int:
     """Returns the default side, in pixels, of the square blocks over which a capture's images are averaged."""
-    return 1 if _pixels(capture.rig) <= MOST_PIXELS else binning_to(capture, MOST_PIXELS // 2)
-
-
-def binning_to(capture: Capture, most_pixels: int) -> int:
-    """Returns the least side, in pixels, of square blocks whose means make images of at most most_pixels."""
-    return int(np.ceil(np.sqrt(_pixels(capture.rig) / most_pixels)))
+    return int(np.ceil(np.sqrt(_pixels(capture.rig) / _WHOLE_PIXELS)))
 
 
 def _pixels(rig: Rig) -> int:

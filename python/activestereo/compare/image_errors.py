@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
+from activestereo.capture.images import block_means
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.engine_prediction import changes_no_ray, engine_lights
@@ -117,6 +118,15 @@ class ImageErrors:
     def residuals(self) -> dict[ImageKey, NDArray[np.float32]]:
         """Returns {(frame id, side): measured minus expected, DN, float32 [height][width]}."""
         return {key: self.measured[key].astype(np.float32) - image for key, image in self.predictions.items()}
+
+    def squares_of_blocks(self, key: ImageKey, size: int) -> NDArray[np.float32]:
+        """Returns `squares` of the image averaged over blocks of size x size pixels. The renderer's noise is
+        independent from pixel to pixel."""
+        if size == 1:
+            return self.squares[key]
+        residual = self.measured[key] - self.predictions[key]
+        noise = block_means(residual**2 - self.squares[key], size) / size**2
+        return block_means(residual, size) ** 2 - noise
 
     def by_split(self) -> dict[str, dict[str, Any]]:
         """Returns {"train" or "test": errors pooled over its images, and for each camera}; a split without frames is

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from activestereo.capture.capture import Capture
 from activestereo.common.computed_once import computed_once
 from activestereo.compare.depth_compare import model_depths
-from activestereo.diagnose.evidence import TILE_PX, Evidence
-from activestereo.diagnose.fitter import ImageResidual
+from activestereo.compare.image_errors import ImageErrors
+from activestereo.diagnose.evidence import TILE_PX
 from activestereo.diagnose.goodness import Z90, Interval, design_effect, within_ranges
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.numbers import Numbers
@@ -84,22 +85,23 @@ class Depth:
 
 
 def judged_depth(
-    evidence: Evidence,
+    capture: Capture,
+    errors: ImageErrors,
     model: Model,
-    rows: Sequence[ImageResidual],
+    excess: float,
     effects: Sequence[Effect],
+    seed: int,
     numbers: Numbers,
     workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
     """Fits effects on disparity and depth to the device's depth in train frames, and decides which are named. While a
-    choice of the matcher gains most, it is subtracted, and the other effects are fitted again. rows: residuals of the
-    train images under the model. effects: the effects to judge."""
-    pixels = sum(row.observation.pixels for row in rows)
-    left = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows) / pixels - 1.0
-    known, agree = {e.id for e, _ in model.effects}, left < numbers.structure
+    choice of the matcher gains most, it is subtracted, and the other effects are fitted again. capture: with its stated
+    geometry, which the device's matcher assumes. errors: of the images that the model expects. excess: their squared
+    error beyond the noise, in noise variances. effects: the effects to judge."""
+    known, agree = {e.id for e, _ in model.effects}, excess < numbers.structure
     faults = [e for e in effects if e.channel is Channel.DEPTH_ENGINE and e.id not in known]
-    frames = list(_frames(evidence, model, rows)) if faults else []
+    frames = list(_frames(capture, errors, model, seed)) if faults else []
     if not frames:
         return Depth((), agree)
     judge, waiting, found = _Judge(frames, numbers, memory), list(faults), dict[str, DepthFinding]()
@@ -169,14 +171,9 @@ class _DepthFrame:
         return np.where(known, moved - self.truth, 0.0)
 
 
-def _frames(evidence: Evidence, model: Model, rows: Sequence[ImageResidual]) -> Iterator[_DepthFrame]:
-    if not any(o.frame.depth_path is not None for o in evidence.train):
-        return
-    measured, views = {o.key: o.measured for o in evidence.train}, {o.key: o.view for o in evidence.train}
-    predictions = {row.observation.key: row.expected for row in rows}
-    for d in model_depths(
-        evidence.capture, measured, predictions, views, evidence.noise_model, model, evidence.seed, "train"
-    ):
+def _frames(capture: Capture, errors: ImageErrors, model: Model, seed: int) -> Iterator[_DepthFrame]:
+    images = errors.measured, errors.predictions, errors.views, errors.noise_model
+    for d in model_depths(capture, *images, model, seed, "train"):
         device, valid = d.disparity_error(d.measured, d.truth)
         engine = []
         for depth in d.model:
@@ -188,7 +185,7 @@ def _frames(evidence: Evidence, model: Model, rows: Sequence[ImageResidual]) -> 
         for error in engine:
             inside &= np.abs(error) < _LARGEST_ERROR_PX
         first, second = engine
-        yield _DepthFrame(views[d.frame.id, "left"], truth, device, (first, second), valid, inside, d.focal_baseline)
+        yield _DepthFrame(errors.views[d.frame.id, "left"], truth, device, (first, second), valid, inside, d.focal_baseline)
 
 
 class _Judge:

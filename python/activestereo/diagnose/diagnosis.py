@@ -27,17 +27,17 @@ from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.model_file import library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_for_fits, render_halves
-from activestereo.diagnose.depth_engine import depth_json, judged_depth
+from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
-from activestereo.diagnose.first_words import first_words, richest_view, with_small_images
+from activestereo.diagnose.first_words import first_words, richest_view
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
-from activestereo.diagnose.goodness import design_effect
+from activestereo.diagnose.goodness import design_effect, excess_of
 from activestereo.diagnose.kept import FitCache, keep, key_of
 from activestereo.diagnose.kept import kept as found_before
 from activestereo.diagnose.next_measurement import next_measurements
@@ -51,7 +51,6 @@ from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERI
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
 from activestereo.diagnose.words import explained, html_of, ranking_figure
 from activestereo.effects import Effect, Model, builtin
-from activestereo.effects.core.descriptor import Channel
 from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
 from activestereo.effects.engines.loaded_scene import has_room_light, is_measured_room
 from activestereo.model import SensorModel
@@ -227,10 +226,10 @@ def diagnose(
         return Diagnosis(result, accepted, stub, complete, before, after, made, key)
 
     def look(tell: Callable[[str], object]) -> None:  # a function, so that the view's memory is freed at its end
-        view = richest_view(with_small_images(capture))
+        view = richest_view(capture)
         near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
         with suppress(ValueError):  # all of one view may be dark or clipped
-            seen = gather(view, render(view, progress=near, is_draft=view.binning > capture.binning), seed)
+            seen = gather(view, render(view, progress=near), seed)
             tell(first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept))
 
     if says is not None:
@@ -368,7 +367,8 @@ def _test_errors(
 def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> float:
     """Returns the mean squared error of images without the renderer's noise, in noise variances (1 /
     Observation.weight)."""
-    total = sum((o.weight * errors.squares[o.key]).ravel()[o.picked()].sum() for o in observations)
+    squares = (o.weight * errors.squares_of_blocks(o.key, o.view.binning) for o in observations)
+    total = sum(square.ravel()[o.picked()].sum() for square, o in zip(squares, observations, strict=True))
     return float(total / sum(o.pixels for o in observations))
 
 
@@ -397,17 +397,36 @@ def _told(
     for name in names if is_found else ():
         if name.field is not None or name.id in outcome.noise:
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
-    phases.begin(DEPTH)
-    depth = judged_depth(evidence, accepted, rows, candidates, numbers, settings.workers, settings.memory)
-    for fault in depth.named(is_choice=False)[:1]:
-        found[fault.effect.id] = fault.parameters()
-        accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in found[fault.effect.id].items()})
     if settings.with_test is not None:
         own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
-    capture, black_dn = evidence.capture, solution.nuisances.black_dn
+    capture, black_dn, added = evidence.capture, solution.nuisances.black_dn, [n.id for n in names if is_found]
+    complete, depth, judged = found_model(evidence, accepted, solution, found), Depth((), False), _NO_FIGURES
+    before = after = None
+    tested = _UNTESTED
+    if settings.errors is not None:
+        phases.begin(BOTH)
+        errors = settings.errors.at_stated_geometry(complete)
+        figures, before, moved, after = held_out_figures(errors, given, added, complete)
+        tested = _test_errors(outcome, evidence.test, moved, after, numbers)
+        phases.begin(DEPTH)
+        judge = numbers, settings.workers, settings.memory
+        depth = judged_depth(errors.capture, after, accepted, excess_of(rows), candidates, evidence.seed, *judge)
+        for fault in depth.named(is_choice=False)[:1]:
+            found[fault.effect.id] = fault.parameters()
+            accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in found[fault.effect.id].items()})
+            complete = found_model(evidence, accepted, solution, found)
+            after = replace(after, model=complete.bound(surface_names(capture.scene_path)))
+        split = depth_split(errors.capture, errors.plain(), moved, after, depth, name_of, evidence.seed)
+        judged = judged | {name: value for name, value in figures.items() if value is not None} | {"depth_split": split}
+    if judged["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
+        first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
+        judged = judged | {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
+        judged = judged | {"heldout_ir_rmse_after": last}
+    if judged["heldout_noise_floor"] is None and evidence.has_floor:
+        judged = judged | {"heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train)))}
     residual = residual_model(rows, black_dn, evidence.seed) if verdict == UNKNOWN else None
-    result: dict[str, Any] = _NO_FIGURES | {
+    result: dict[str, Any] = judged | {
         "verdict": verdict,
         "capture": capture.name,
         "binning": capture.binning,
@@ -417,9 +436,8 @@ def _told(
         "not_ranked": [{"effect": e.id, "family": e.family, "reason": why} for e, why in out_of_reach]
         + [{"effect": e.id, "family": e.family, "reason": outcome.unjudged[e.id]}
            for e in chosen if e.id in outcome.unjudged],
-        "added": [name.id for name in names] if is_found else [],
+        "added": added,
         "depth": depth_json(depth, numbers, name_of),
-        "heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train))) if evidence.has_floor else None,
         "next_measurement": next_measurements(evidence, *_open_set(outcome)),
         "geometry": geometry_json(replace(standing(evidence, solution), deviations=evidence.geometry.deviations)),
         "albedos": albedo_json(evidence, outcome.fitter, solution),
@@ -427,20 +445,6 @@ def _told(
         "model": model_json(accepted, solution.nuisances),
     } | _verdict_evidence(outcome, numbers)  # fmt: skip
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
-    complete = found_model(evidence, accepted, solution, found)
-    before = after = None
-    tested = _UNTESTED
-    if settings.errors is not None:
-        phases.begin(BOTH)
-        errors = settings.errors.at_stated_geometry(complete)
-        figures, before, moved, after = held_out_figures(errors, given, result["added"], complete)
-        result |= {name: value for name, value in figures.items() if value is not None}
-        plain, tested = errors.plain(), _test_errors(outcome, evidence.test, moved, after, numbers)
-        result["depth_split"] = depth_split(errors.capture, plain, moved, after, depth, name_of, evidence.seed)
-    if result["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
-        first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
-        result |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
-        result["heldout_ir_rmse_after"] = last
     stub = None if residual is None else effect_stub(residual, capture.name)
     return Diagnosis(result, accepted, stub, complete, before, after), tested
 
@@ -456,16 +460,12 @@ def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> M
 
 def _within_reach(evidence: Evidence, candidates: Sequence[Effect]) -> tuple[list[Effect], list[tuple[Effect, str]]]:
     """Splits candidates into the effects that this evidence can judge and the others, each with the reason why not."""
-    size = evidence.capture.binning
-    pixels = f"it acts on single pixels, and the images were averaged over {size}x{size}: judge it with --bin 1"
     room = "it is of single surfaces, and the room was measured as its views' pictures"
     in_room = has_room_light(evidence.capture.scene_path)
     chosen, others = [], []
     for e in candidates:
         if e.channel is None:
             others.append((e, e.unjudged_reason))
-        elif size > 1 and e.channel in (Channel.STATIC_FIELD, Channel.NOISE_MODEL):
-            others.append((e, pixels))
         elif in_room and SURFACES in e.parameters:
             others.append((e, room))
         else:

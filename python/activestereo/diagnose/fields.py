@@ -36,6 +36,8 @@ _APART = (2, 3)
 # Least share of the true variance by which an estimate is divided: less would only amplify noise.
 _LEAST = 0.1
 _JACKKNIFE = 16
+# A block of b x b pixels averages so many draws: b to this power.
+_AVERAGED = {SharedBy.PIXEL: 2, SharedBy.VIEW: 2, SharedBy.ROW: 1, SharedBy.COLUMN: 1, SharedBy.DOT: 0}
 # Levels of the expected value; their mean residual separates a curve that all pixels share from random draws.
 _LEVELS = 24
 # Pixels count if they are so many deviations of a draw from both ends of the range: clipped draws look smaller.
@@ -170,13 +172,22 @@ def imitates(effect: Effect, other: Effect) -> bool:
     return all(of_view) and not any(lasting)
 
 
-def field_parameters(effect: Effect, fit: FieldFit) -> dict[str, Interval]:
-    """Returns the fitted parameters of a random effect with their intervals."""
+def field_parameters(effect: Effect, fit: FieldFit, binning: int = 1) -> dict[str, Interval]:
+    """Returns the fitted parameters of a random effect with their intervals. binning: side of the blocks of pixels over
+    which the images were averaged. The mean of n draws varies by 1 / sqrt(n); a single outlier adds 1 / n of itself."""
+    factor: dict[str, float] = {}
+    for term in effect.random_terms:
+        averaged = float(binning) ** _AVERAGED[term.shared_by]
+        if term.sparse_share:
+            factor |= {term.parameter: averaged, term.sparse_share: 1.0 / averaged}
+        else:
+            factor[term.parameter] = averaged**0.5
     shares = {term.sparse_share for term in effect.random_terms}
     found = {}
     for p in effect.parameters:
-        value = fit.share if p.name in shares else fit.sigma.get(p.name, p.neutral)
-        found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), fit.error.get(p.name, 0.0))
+        of_whole = factor.get(p.name, 1.0)
+        value = of_whole * (fit.share if p.name in shares else fit.sigma.get(p.name, p.neutral))
+        found[p.name] = interval(p, float(np.clip(value, p.low, p.high)), of_whole * fit.error.get(p.name, 0.0))
     return within_ranges(effect, found, has_floor=True)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from activestereo.capture.capture import Capture, Frame, binned, binning_to
+from activestereo.capture.capture import Capture, Frame
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.kept import FitCache
@@ -16,7 +16,6 @@ from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model
 
 _NAMES = 3  # most effects that the clause names
-_MOST_PIXELS = 480 * 270  # of an image that the first guess is made from
 
 
 def richest_view(capture: Capture) -> Capture:
@@ -30,13 +29,6 @@ def richest_view(capture: Capture) -> Capture:
 
     richest = max(views.values(), key=settings) if views else []
     return replace(capture, frames=tuple(richest))
-
-
-def with_small_images(capture: Capture) -> Capture:
-    """Returns the capture with images averaged over blocks, so that they have few enough pixels for a first guess."""
-    whole = capture.whole or capture
-    size = binning_to(whole, _MOST_PIXELS)
-    return capture if size <= capture.binning else binned(whole, size)
 
 
 def first_words(

@@ -127,7 +127,7 @@ def found_model(
     evidence: Evidence, model: Model, solution: Solution, found: Mapping[str, Mapping[str, Interval]]
 ) -> SensorModel:
     """Returns the sensor model: the capture's calibration and pattern, the effects of `model`, fitted nuisances and
-    albedos, and the noise model if it was measured at full size. found: {effect: {parameter: its interval}}."""
+    albedos, and the noise model if it was measured. found: {effect: {parameter: its interval}}."""
     geometry, surfaces = standing(evidence, solution), scene_surfaces(evidence.capture.scene_path)
     factors = albedo_factors(evidence, solution)
     albedo = {
@@ -143,12 +143,13 @@ def found_model(
     measured = geometry.capture()
     frames = zip(geometry.stated.frames, measured.frames, strict=True)
     poses = {s.camera_to_world.tobytes(): (s.camera_to_world, f.camera_to_world) for s, f in frames}
-    is_noise_known = evidence.has_floor and evidence.capture.binning == 1
+    # A block's variance is its pixels' mean one, divided by their number.
+    noise = {n: getattr(evidence.noise_model, n) * evidence.capture.binning**2 for n in NOISE_TERMS}
     return diagnosed_model(
         unbinned(measured),
         model,
         nuisances=dict(zip(_NAMES, map(float, solution.phi[:SCALES]), strict=True)),
-        noise={name: getattr(evidence.noise_model, name) for name in NOISE_TERMS} if is_noise_known else None,
+        noise=noise if evidence.has_floor else None,
         albedo=albedo,
         intervals=intervals,
         material_names=[surface.name for surface in surfaces],

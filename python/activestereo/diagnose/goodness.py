@@ -143,6 +143,12 @@ def within_ranges(effect: Effect, found: Mapping[str, Limits], has_floor: bool =
     return out
 
 
+def excess_of(rows: Sequence[ImageResidual]) -> float:
+    """Returns the mean squared residual beyond the noise, in noise variances."""
+    square = sum(float((row.observation.weight * row.residual**2).sum()) for row in rows)
+    return square / sum(row.observation.pixels for row in rows) - 1.0
+
+
 def local_structure(rows: Sequence[ImageResidual]) -> float:
     """Returns the mean square per pixel, in noise variances, of the residual's part on which both tile halves agree.
 

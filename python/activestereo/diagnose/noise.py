@@ -54,7 +54,7 @@ def noise_terms(
     """Fits every effect of temporal noise; returns ({effect: its term}, {effect: why it was not judged}). Noise is
     judged on repeated frames, coarse steps on the histogram of digital numbers. given: the model, which may state its
     noise."""
-    floor, terms, unjudged = evidence.floor_variance(evidence.train), {}, {}
+    floor, terms, unjudged = evidence.floor_variance(evidence.train) * evidence.capture.binning**2, {}, {}
     for effect in effects:
         steps = next((j for j in effect.judged if isinstance(j, CodeSteps)), None)
         fit = _comb(evidence, effect, steps.parameter) if steps else _of_repeats(effect, evidence, given, numbers)
@@ -73,7 +73,7 @@ def _of_repeats(effect: Effect, evidence: Evidence, given: Model, numbers: Numbe
     if not evidence.capture.repeats("train"):
         return _NO_REPEATS
     if term.shared_by is SharedBy.ROW:
-        return _rows(evidence.train, effect, term.parameter, numbers.neighbours)
+        return _rows(evidence.train, effect, term.parameter, numbers.neighbours, evidence.capture.binning)
     if term.shared_by is not SharedBy.PIXEL or term.lever not in _TRANSFER:
         return f"the noise model has no term of draws per {term.shared_by.value} with the lever {term.lever.value}"
     return _transfer(effect, term, evidence, given)
@@ -92,14 +92,16 @@ def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
 
 def comb_in(evidence: Evidence) -> Comb | None:
     """Returns the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
-    return comb_of((o.measured for o in evidence.train), evidence.capture.rig.max_dn)
+    capture = evidence.capture.whole or evidence.capture
+    return comb_of((capture.ir(o.frame, o.side) for o in evidence.train), capture.rig.max_dn)
 
 
 def _rows(
-    observations: Sequence[Observation], effect: Effect, parameter: str, largest_correlation: float
+    observations: Sequence[Observation], effect: Effect, parameter: str, largest_correlation: float, binning: int
 ) -> NoiseTerm | str:
     """Fits a random offset per row of each frame, by the marginal likelihood of differences between repeats. Returns
-    the fit, or a reason why there is none, such as correlated neighbouring rows."""
+    the fit, or a reason why there is none, such as correlated neighbouring rows. binning: number of the camera's rows
+    that a row of the observations averages."""
     weight, moment, beside, both = [], [], 0.0, 0.0
     groups = by_repeats((o.frame, o.side, o) for o in observations)
     for first, second in (pair for group in groups for pair in pairwise(group)):
@@ -112,14 +114,14 @@ def _rows(
     if not weight:
         return _NO_REPEATS
     A, B = np.concatenate(weight).astype(np.float64), np.concatenate(moment)
-    square = _ROW_SIGMAS_DN[:, None] ** 2
+    square = _ROW_SIGMAS_DN[:, None] ** 2 / binning
     nats = 0.5 * (B**2 * square / (1.0 + square * A) - np.log1p(square * A)).sum(axis=1)
     best = int(nats.argmax())
     if nats[best] <= 0:
         high = _ROW_SIGMAS_DN[nats > -_LIKELIHOOD_DROP].max(initial=_ROW_SIGMAS_DN[0])
         return NoiseTerm(effect, 0.0, 0.0, {parameter: (0.0, 0.0, float(high))})
     sigma = float(_ROW_SIGMAS_DN[best])
-    if beside > largest_correlation * both * sigma**2:
+    if beside > largest_correlation * both * sigma**2 / binning:
         return "neighbouring rows vary together, as bands of light that flickers do"
     inside = _ROW_SIGMAS_DN[nats > nats[best] - _LIKELIHOOD_DROP]
     return NoiseTerm(effect, float(nats[best]), sigma**2, {parameter: (sigma, float(inside[0]), float(inside[-1]))})
@@ -128,7 +130,7 @@ def _rows(
 def _transfer(effect: Effect, term: RandomTerm, evidence: Evidence, model: Model) -> NoiseTerm | str:
     """Fits the variance of repeated frames against their mean, with and without a noise term; other terms are in both
     fits. Returns the fit, or a reason why there is none. Its gain in nats is 0 if the model has no noise term."""
-    capture = evidence.capture
+    capture = evidence.capture.whole or evidence.capture
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:
         return _NO_REPEATS

@@ -28,7 +28,7 @@ def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int
 def parameters_of(outcome: Outcome, name: Name) -> Parameters:
     """Returns a named effect's parameters with 90 % intervals."""
     if name.field is not None:
-        return field_parameters(name.effect, name.field)
+        return field_parameters(name.effect, name.field, outcome.evidence.capture.binning)
     if name.id in outcome.noise:
         return outcome.noise[name.id].parameters()
     return intervals(outcome.fitter, outcome.solution, name.effect)

@@ -399,9 +399,9 @@ class Search:
         images. Frames of one view share this error, so it would look like an effect of light."""
         if self._comb is None:
             return
-        noise, rounded = self._evidence.noise_model, {}
+        noise, of_pixels, rounded = self._evidence.noise_model, self._evidence.capture.binning**2, {}
         for o, expected, *_ in self._rows:
-            rounded[o.key] = self._comb.mean_error(expected, noise.variance(expected, o.frame.gain))
+            rounded[o.key] = self._comb.mean_error(expected, of_pixels * noise.variance(expected, o.frame.gain))
         more = {key: image - self._rounded.get(key, 0.0) for key, image in rounded.items()}
         self._rounded = rounded
         self._take_off(more)

@@ -16,13 +16,13 @@ from activestereo.diagnose.refit import Rendering
 from activestereo.effects import Model
 
 # The phases, and how many seconds they take of some four megapixels of infrared images.
-RENDERING, FITTING, DEPTH, BOTH = (
+RENDERING, FITTING, BOTH, DEPTH = (
     "rendering the views",
     "scoring and fitting effects",
-    "judging the depth engine",
     "rendering what was found",
+    "judging the depth engine",
 )
-PHASES = {RENDERING: 34.0, FITTING: 70.0, DEPTH: 8.0, BOTH: 63.0}
+PHASES = {RENDERING: 34.0, FITTING: 70.0, BOTH: 63.0, DEPTH: 8.0}
 
 
 @dataclass(frozen=True)

@@ -380,7 +380,7 @@ def test_large_images_are_averaged_and_small_ones_are_not(whole):
         replace(whole, rig=replace(whole.rig, left=Camera(width, height, np.eye(3))))
         for width, height in ((424, 240), (848, 480), (1280, 720))
     ]
-    assert [usual_binning(capture) for capture in sized] == [1, 1, 3]
+    assert [usual_binning(capture) for capture in sized] == [1, 2, 3]
     assert [usual_samples(capture) for capture in sized] == [64, 64, 28]  # as many for a whole image
     with pytest.raises(CaptureError, match="cannot be averaged over 9: give 1 to 3"):
         binned(whole, 9)

@@ -12,13 +12,13 @@ import pytest
 
 import activestereo.lab
 import activestereo.report
-from activestereo.capture.capture import binned, read_capture
+from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
 from activestereo.compare.model_file import library, read_model, write_model
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.first_words import richest_view, with_small_images
+from activestereo.diagnose.first_words import richest_view
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.residual_model import effect_stub
@@ -28,7 +28,7 @@ from activestereo.effects.core.load import load_effects
 from activestereo.lab import Lab
 from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
 from activestereo.report.write import write_diagnosis, write_diagnosis_report
-from lab_worlds import BLACK_DN, WorldRenderer, altered
+from lab_worlds import BLACK_DN, WorldRenderer, altered, with_device_depth
 from schema_check import violations
 
 FEW = ("projector_vignetting", "radial_distortion", "vignetting", "response_gamma", "veiling_glare")
@@ -94,16 +94,6 @@ def test_a_hidden_lens_shading_is_named_alone_its_exponent_found_and_most_of_the
     assert first["explained_share"] == pytest.approx((before**2 - after**2) / (before**2 - floor**2), abs=0.1)
 
 
-def test_first_words_are_made_from_small_images(lab_world):
-    def sized(width, height):
-        capture = read_capture(lab_world.capture_path)
-        cameras = {side: replace(capture.rig.camera(side), width=width, height=height) for side in ("left", "right")}
-        return replace(capture, rig=replace(capture.rig, **cameras))
-
-    assert [with_small_images(sized(*size)).binning for size in ((424, 240), (848, 480), (1280, 720))] == [1, 2, 3]
-    assert [with_small_images(binned(sized(900, 600), size)).binning for size in (2, 4)] == [3, 4]
-
-
 def test_a_view_without_light_says_nothing_first(lab_world, lab_cache, tmp_path):
     """The others are diagnosed all the same."""
     folder, words = altered(lab_world, tmp_path / "capture", shaded), []
@@ -129,12 +119,32 @@ def test_nothing_is_named_where_nothing_is_hidden(lab_world, lab_cache):
     assert result["heldout_ir_rmse_after"] == result["heldout_ir_rmse_before"]
 
 
-def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cache, tmp_path):
+@pytest.mark.parametrize("binning", [1, 2])
+def test_pixel_gains_are_told_from_offsets_and_smooth_shading(lab_world, lab_cache, tmp_path, binning):
+    """In the means of blocks of pixels, too, where their spread is smaller."""
     folder = with_gains(lab_world, tmp_path / "capture")
     effects = {name: e for name, e in builtin().items() if name in (*FEW, "fixed_pattern_noise", "hot_pixels")}
-    first = diagnosed(folder, lab_world, lab_cache, effects).result["ranking"][0]
+    first = diagnosed(folder, lab_world, lab_cache, effects, binning=binning).result["ranking"][0]
     assert first["effect"] == "prnu"
     assert first["parameters"]["sigma"]["value"] == pytest.approx(0.15, rel=0.15)
+
+
+def test_a_large_recording_is_judged_with_test_frames_depth_and_noise(lab_world, lab_cache, tmp_path):
+    """As its small images are: what it states of whole images is nearly what they state."""
+    found = {}
+    dark = replace(lab_world, capture_path=altered(lab_world, tmp_path / "dark", shaded))
+    folder = with_device_depth(dark, tmp_path / "capture", ids=(0, 2, 4))
+    effects = {name: e for name, e in builtin().items() if name in (*FEW, "pixel_locking")}
+    for binning in (1, 2):
+        found[binning] = diagnosed(folder, lab_world, lab_cache, effects, binning=binning)
+        result = found[binning].result
+        assert (result["verdict"], result["added"]) == ("effect", ["vignetting"])
+        assert result["ranking"][0]["parameters"]["exponent"]["value"] == pytest.approx(EXPONENT, rel=0.1)
+        assert [entry["effect"] for entry in result["depth"]["ranking"]] == ["pixel_locking"]
+    small, large = (found[binning].result["heldout_ir_rmse_after"] for binning in (1, 2))
+    assert large == pytest.approx(small, rel=0.05)
+    noise = [found[binning].sensor_model.imager for binning in (1, 2)]
+    assert noise[1].shot.value == pytest.approx(noise[0].shot.value, rel=0.1)
 
 
 def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path):

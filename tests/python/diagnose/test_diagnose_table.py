@@ -18,6 +18,7 @@ from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.nuisances import Nuisances
 from activestereo.compare.render import render_frames
 from activestereo.diagnose import Settings, examine
+from activestereo.diagnose.figures import ErrorsOfModels
 from activestereo.diagnose.gather import gather
 from activestereo.effects import Model, Stage, View, builtin
 from activestereo.effects.core.descriptor import Channel
@@ -127,6 +128,11 @@ def captured(table, folder, model):
     return read_capture(folder / "capture")
 
 
+def examined(table, capture, stated, effects):
+    errors = ErrorsOfModels(capture, lambda _: (table[1], table[1]), cache=_NoCache())
+    return examine(gather(capture, table[1]), stated, effects, Settings(workers=1, errors=errors)).result
+
+
 def test_the_table_holds_all_that_the_lab_judges():
     assert set(STRENGTH) == {e.id for e in EFFECTS.values() if e.channel is not None}
 
@@ -135,7 +141,7 @@ def test_the_table_holds_all_that_the_lab_judges():
 def test_a_device_s_filters_are_no_fault(table, tmp_path, name):
     capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **EFFECTS[name].typical_values))
     rivals = [e for e in EFFECTS.values() if e.stage > Stage.DIGITAL]
-    result = examine(gather(capture, table[1]), Model(), rivals, Settings(workers=1)).result
+    result = examined(table, capture, Model(), rivals)
     assert (result["verdict"], result["depth"]["verdict"]) == ("none", "none") and not result["added"]
     assert name in {e["effect"] for e in result["not_ranked"]}
 
@@ -148,7 +154,7 @@ def test_an_effect_of_a_clear_strength_is_found(table, tmp_path, name):
         stated, hidden = Model().with_effect(e), hidden.with_effect(e, **{e.parameters[0].name: 0.05})
     capture = captured(table, tmp_path, hidden)
     rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family or e.id == name]
-    result = examine(gather(capture, table[1]), stated, rivals, Settings(workers=1)).result
+    result = examined(table, capture, stated, rivals)
     fault = EFFECTS[name].channel is Channel.DEPTH_ENGINE
     judged = result["depth"] if fault else result
     if fault and EFFECTS[name].engine_fault.is_matcher_choice:
@@ -175,5 +181,5 @@ def test_what_some_surfaces_show_is_found_on_those(table, tmp_path, name):
     chosen = float(sum(2 ** int(k) for k in seen[np.argsort(-counts)[1:3]]))
     capture = captured(table, tmp_path, Model().with_effect(EFFECTS[name], **STRENGTH[name], surfaces=chosen))
     rivals = [e for e in EFFECTS.values() if e.id in ALWAYS or e.family == EFFECTS[name].family]
-    first = examine(gather(capture, table[1]), Model(), rivals, Settings(workers=1)).result["ranking"][0]
+    first = examined(table, capture, Model(), rivals)["ranking"][0]
     assert (first["effect"], first["parameters"]["surfaces"]["value"]) == (name, chosen)
