@@ -71,7 +71,7 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("--alpha", type=cli.positive_share, metavar="P", help="probability of a name by chance")
     text = "least share of the squared error above the noise (of depth: of the disparity's error) that a name removes"
     parser.add_argument("--least-share", type=cli.share, metavar="SHARE", help=text)
-    text = "search in images averaged over NxN pixels (default: 1 up to 848x480, more for larger images)"
+    text = "search in images averaged over NxN pixels (default: 1 up to 480x270, more for larger images)"
     parser.add_argument("--bin", type=cli.integer_from(1), metavar="N", help=text)
     cli.add_shared(parser, samples=" of what is told, as of compare; the search takes half")
     cli.add_shared(parser, max_bounces=True, seed="same seed, same answer")

@@ -20,10 +20,10 @@ from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
-from activestereo.compare.image_errors import BaseLight, ImageErrors, error_shape, image_errors
+from activestereo.compare.image_errors import ImageErrors, Judged, error_shape, image_errors
 from activestereo.compare.mismatch import match_of, warnings_of
 from activestereo.compare.noise import transfer_points
-from activestereo.compare.render import WARP_SCALE, render_halves
+from activestereo.compare.render import WARP_SCALE, Halves, render_halves
 from activestereo.compare.where import (
     LARGEST_DISPARITY_ERROR_PX,
     ResidualImage,
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 
 # The phases' names, and the seconds that each takes on two cores: a guess for a first run.
-RENDERING, PREDICTING, LOOKING = "rendering the views", "expecting the images", "looking where it fails"
-PHASES = {RENDERING: 60.0, PREDICTING: 10.0, LOOKING: 20.0}  # seconds of twelve frames of 424x240
+RENDERING, LOOKING = "rendering the views", "looking where it fails"
+PHASES = {RENDERING: 70.0, LOOKING: 20.0}  # seconds of twelve frames of 424x240
 
 
 @dataclass(frozen=True)
@@ -100,14 +100,17 @@ def compare(
         renderer = CaptureRenderer()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.begin(RENDERING)
-    model, samples_per_pixel = model or Model(), samples_per_pixel or usual_samples(capture)
-    halves = render_halves(capture, renderer, samples_per_pixel, max_bounces, seed, cache, phases, WARP_SCALE)
-    phases.begin(PREDICTING)
-    base = BaseLight.of(capture, halves, seed)
-    errors = image_errors(capture, model, base, engines, scene_measurement, phases, cache or LayerCache())
-    without = image_errors(capture, Model(), base) if model.effects else None
+    model, samples = model or Model(), samples_per_pixel or usual_samples(capture)
+    sampled = capture, renderer, samples, max_bounces, seed, cache
+
+    def base(frames: Sequence[Frame], progress: Progress | None) -> Halves:
+        return render_halves(*sampled, progress, WARP_SCALE, frames)
+
+    judged = [Judged(model, engines, scene_measurement), Judged(Model())][: 1 + bool(model.effects)]
+    errors, *without = image_errors(capture, judged, base, seed, phases, cache)
     phases.begin(LOOKING)
-    return comparison_of(errors, RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed), without)
+    made = RenderedWith(renderer.version, samples, max_bounces, seed)
+    return comparison_of(errors, made, without[0] if without else None)
 
 
 def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors | None = None) -> Comparison:

@@ -9,6 +9,7 @@ import functools
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +17,14 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import Capture, Frame, ImageKey, usual_samples
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.render import Halves, LayersOfFrames
 from activestereo.effects import Light, Model, View, engines
+from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer, SceneMeasurement, loaded_scene
 from activestereo.effects.engines.layers import scene_digest
 from activestereo.effects.engines.smooth import HALVES, halves
+
+# The light on the imager by (half of the samples: 0 or 1, that half's base layers of one camera, their view).
+LightOf: TypeAlias = Callable[[int, Layers, View], Light]
 
 # Albedo factors this close to 1 hardly change the light that bounces between surfaces.
 _NEAR_ALBEDO = 0.05
@@ -112,15 +116,14 @@ def _kept(
 
 
 def engine_lights(
-    capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer,
-    base: tuple[LayersOfFrames, Halves], views: Mapping[ImageKey, View], cache: LayerCache,
+    capture: Capture, model: Model, scene_measurement: SceneMeasurement, renderer: CaptureRenderer, cache: LayerCache,
     progress: Progress | None = None,
-) -> list[Callable[[ImageKey], Light]]:  # fmt: skip
-    """Computes a model's light on the imager in two independent halves of the samples. Returns three functions of
-    (frame id, side): the halves' mean, the first half and the second. The light is the base model's plus the difference
-    of two renders with the same random numbers, with and without the model. Errors of two models then differ by the
-    models alone, not by how each is rendered. Effects that the engines lack are applied by their formulas. base: (mean,
-    halves) of the base model's layers. cache: stores the renders."""
+) -> LightOf:  # fmt: skip
+    """Renders a model's light on the imager in two independent halves of the samples. Returns a function of (half: 0 or
+    1, that half's base layers of one camera, their view). The light is the base model's plus the difference of two
+    renders with the same random numbers, with and without the model. Errors of two models then differ by the models
+    alone, not by how each is rendered. Effects that the engines lack are applied by their formulas. cache: stores the
+    renders."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
 
@@ -134,14 +137,12 @@ def engine_lights(
 
     changes = [change(half) for half in HALVES]
 
-    def light(layers: LayersOfFrames, of: Sequence[Mapping[ImageKey, NDArray[np.float32]]], key: ImageKey) -> Light:
-        images = np.array(Light.of(layers[key[0]][key[1]]).images, dtype=np.float64)
-        images[:-1] += np.mean([change[key] for change in of], axis=0)  # all but `flat`
-        return outside.light(Light.of_images(images), views[key])
+    def light(half: int, layers: Layers, view: View) -> Light:
+        images = np.array(Light.of(layers).images, dtype=np.float64)
+        images[:-1] += changes[half][view.frame.id, view.side]  # all but `flat`
+        return outside.light(Light.of_images(images), view)
 
-    mean, (first, second) = base
-    pairs = (mean, changes), (first, changes[:1]), (second, changes[1:])
-    return [functools.partial(light, layers, of) for layers, of in pairs]
+    return light
 
 
 def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:

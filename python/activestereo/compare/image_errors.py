@@ -4,9 +4,8 @@ smooth brightness; weaker, blurred or displaced dots; or another one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,16 +14,16 @@ from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
 from activestereo.capture.images import block_means
-from activestereo.common.progress_bar import Progress
+from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.engine_prediction import changes_no_ray, engine_lights
+from activestereo.compare.engine_prediction import LightOf, changes_no_ray, engine_lights
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel, noise_of_images
 from activestereo.compare.nuisances import Fit, fit_with_exposures
 from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves, noise_square
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
-from activestereo.effects.core.view import View
+from activestereo.effects.core.view import Layers, View
 from activestereo.effects.engines import SceneMeasurement
 
 if TYPE_CHECKING:
@@ -156,62 +155,80 @@ class ImageErrors:
 
 
 @dataclass(frozen=True)
-class BaseLight:
-    """The base model's rendered light on all frames of a capture. halves: two renders with independent random numbers
-    and half of the samples each, from render_halves(). mean: their mean. views: {(frame id, side): View} of the
-    mean."""
+class Judged:
+    """A model whose images are computed. engines: makes a CaptureRenderer, which renders the model's effects; None:
+    effects change images by formulas. known: measured focal lengths and albedos, which count with engines alone."""
 
-    halves: Halves
-    mean: LayersOfFrames
-    views: dict[ImageKey, View]
+    model: Model
+    engines: Callable[[Capture], CaptureRenderer] | None = None
+    known: SceneMeasurement | None = None
 
-    @classmethod
-    def of(cls, capture: Capture, halves: Halves, seed: int = 0) -> BaseLight:
-        mean = mean_of_halves(halves)
-        keys = [(frame, side) for frame in capture.frames for side in SIDES]
-        views = {(frame.id, side): View.of(capture, frame, side, mean[frame.id][side], seed) for frame, side in keys}
-        return cls(halves, mean, views)
+    def lights(self, capture: Capture, cache: LayerCache, progress: Progress | None) -> LightOf:
+        """Returns a function of (half of the samples: 0 or 1, base layers of one camera, their view): the model's light
+        on the imager."""
+        known = SceneMeasurement() if self.engines is None or self.known is None else self.known
+        if self.engines is not None and not changes_no_ray(self.model, known):
+            return engine_lights(capture, self.model, known, self.engines(capture), cache, progress)
+
+        def light(half: int, layers: Layers, view: View) -> Light:
+            gain = np.ones(view.shape)
+            for material, factor in known.albedo.items():
+                gain[layers.material == material] = factor
+            scaled = Light.of_images(gain * Light.of(layers).images) if known.albedo else Light.of(layers)
+            return self.model.light(scaled, view)
+
+        return light
 
 
 def image_errors(
-    capture: Capture, model: Model, base: BaseLight,
-    engines: Callable[[Capture], CaptureRenderer] | None = None, scene_measurement: SceneMeasurement | None = None,
-    progress: Progress | None = None, cache: LayerCache | None = None,
-) -> ImageErrors:  # fmt: skip
-    """Computes the ImageErrors of a model, after fitting the nuisances to the train frames. Raises CaptureError if
-    there is nothing to fit.
+    capture: Capture, judged: Sequence[Judged], render: Callable[[Sequence[Frame], Progress | None], Halves],
+    seed: int = 0, progress: Progress | None = None, cache: LayerCache | None = None,
+) -> list[ImageErrors]:  # fmt: skip
+    """Computes the ImageErrors of models, after fitting each one's nuisances to the train frames. Raises CaptureError
+    if there is nothing to fit.
 
-    engines: makes a CaptureRenderer, which renders the model's effects; None: effects change images by formulas.
-    scene_measurement: known focal lengths and albedos, used only with engines. progress: called as progress(fraction
-    done) while engines render. cache: stores the engines' light; None: the user's own."""
-    layers, views = base.mean, base.views
+    Poses follow each other, because the layers of many large images take gigabytes. render: returns two renders of the
+    base model's light on frames of one pose, with independent random numbers and half of the samples each. progress:
+    called as progress(fraction done). cache: stores the engines' light; None: the user's own."""
+    poses: dict[bytes, list[Frame]] = {}
+    for frame in capture.frames:
+        poses.setdefault(frame.camera_to_world.tobytes(), []).append(frame)
+    parts = len(judged) + 1  # of the progress; the last is for the base model's light
+    shares = [part_of(progress, i / parts, (i + 1) / parts) for i in range(parts)]
+    kept = cache or LayerCache()
+    lights = [j.lights(capture, kept, share) for j, share in zip(judged, shares, strict=False)]
+    mean: dict[int, Mapping[str, Layers]] = {}
+    views: dict[ImageKey, View] = {}
+    sent: list[dict[ImageKey, NDArray[np.float32]]] = [{} for _ in judged]
+    for done, frames in enumerate(poses.values()):
+        halves = render(frames, part_of(shares[-1], done / len(poses), (done + 1) / len(poses)))
+        mean |= mean_of_halves(halves, is_fine=False)
+        for frame, side in ((frame, side) for frame in frames for side in SIDES):
+            key, both = (frame.id, side), [half[frame.id][side] for half in halves]
+            view = views[key] = View.of(capture, frame, side, mean[frame.id][side], seed)
+            for light, images in zip(lights, sent, strict=True):
+                seen = (light(half, layers, view) for half, layers in enumerate(both))
+                images[key] = np.array([(x.projector, x.ambient) for x in seen], dtype=np.float32)
+    return [_errors(capture, j.model, mean, views, images) for j, images in zip(judged, sent, strict=True)]
+
+
+def _errors(
+    capture: Capture, model: Model, layers: LayersOfFrames, views: dict[ImageKey, View],
+    sent: Mapping[ImageKey, NDArray[np.float32]],
+) -> ImageErrors:  # fmt: skip
+    """Computes one model's ImageErrors. sent: of each half of the samples, the projector's light on the imager and the
+    ambient light, [2][2][height][width]."""
     measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
-    known = SceneMeasurement() if engines is None or scene_measurement is None else scene_measurement
     # Pixels whose scene is unknown have no expected value, so they count nowhere.
     counted = {
         key: measured[key] if view.known is None else np.where(view.known, measured[key], np.float32(np.nan))
         for key, view in views.items()
     }
-
-    def light(of: LayersOfFrames, key: ImageKey) -> Light:
-        """Returns the model's light from rendered layers, scaled by the measured albedos."""
-        own, gain = of[key[0]][key[1]], np.ones(views[key].shape)
-        for material, factor in known.albedo.items():
-            gain[own.material == material] = factor
-        scaled = Light.of_images(gain * Light.of(own).images) if known.albedo else Light.of(own)
-        return model.light(scaled, views[key])
-
-    lights: list[Callable[[ImageKey], Light]] = [partial(light, of) for of in (layers, *base.halves)]
-    if engines is not None and not changes_no_ray(model, known):
-        rays = layers, base.halves
-        lights = engine_lights(capture, model, known, engines(capture), rays, views, cache or LayerCache(), progress)
-    mean, *halves = lights
-    # Lights are made again where they are needed, because all of them at once take gigabytes.
-    fitted = {key: Light.of_images(mean(key).images) for key in views}
-    fit, seen = fit_with_exposures(capture, model, fitted, views, counted)
+    means = {key: _light(images.mean(axis=0)) for key, images in sent.items()}
+    fit, seen = fit_with_exposures(capture, model, means, views, counted)
     predictions, squares, sums = {}, {}, {}  # sums over each image's pixels, to be pooled over cameras and frames
     for key, image in counted.items():
-        first, second = (model.signal(half(key), seen[key], fit.nuisances) for half in halves)
+        first, second = (model.signal(_light(half), seen[key], fit.nuisances) for half in sent[key])
         predictions[key] = (0.5 * (first + second)).astype(np.float32)
         squares[key] = ((image - first) * (image - second)).astype(np.float32)
         counts = np.isfinite(image)
@@ -233,6 +250,13 @@ def image_errors(
     return ImageErrors(
         capture, model, layers, views, measured, fit, predictions, squares, noise_variances, noise_model, sums
     )
+
+
+def _light(sent: NDArray[np.float32]) -> Light:
+    """Returns the light whose projector part and ambient part are two images, [2][height][width]."""
+    projector, ambient = sent.astype(np.float64)
+    none = np.zeros(projector.shape)
+    return Light(projector, none, ambient, none)
 
 
 def _pool(images: Sequence[dict[str, Any]]) -> dict[str, Any]:

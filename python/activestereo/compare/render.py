@@ -128,9 +128,9 @@ def noise_square(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.mean((np.asarray(first, dtype=np.float64) - second) ** 2)) / 4.0
 
 
-def mean_of_halves(halves: Halves) -> LayersOfFrames:
+def mean_of_halves(halves: Halves, is_fine: bool = True) -> LayersOfFrames:
     """Returns the mean light of two half renders, with the first half's geometry. Frames with the same halves share the
-    result."""
+    result. is_fine: with supersampled images, which take most of the memory."""
     known: dict[tuple[int, int], Layers] = {}
     names = "direct", "indirect", "ambient", "flat", "ambient_direct"
 
@@ -141,10 +141,11 @@ def mean_of_halves(halves: Halves) -> LayersOfFrames:
         if (key := (id(first), id(second))) not in known:
             pairs = {name: (getattr(first, name), getattr(second, name)) for name in names}
             light: dict[str, Any] = {name: mean(a, b) for name, (a, b) in pairs.items() if a is not None}
-            if (fine := first.supersampled) is not None and (other := second.supersampled) is not None:
+            fine, other = first.supersampled, second.supersampled
+            if is_fine and fine is not None and other is not None:
                 images = mean(fine.images(), other.images())
                 light["supersampled"] = SupersampledImages(images, fine.scale, fine.margin_px)
-            known[key] = replace(first, **light)
+            known[key] = replace(first, **{"supersampled": None} | light)
         return known[key]
 
     return {

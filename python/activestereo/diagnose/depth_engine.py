@@ -185,7 +185,8 @@ def _frames(capture: Capture, errors: ImageErrors, model: Model, seed: int) -> I
         for error in engine:
             inside &= np.abs(error) < _LARGEST_ERROR_PX
         first, second = engine
-        yield _DepthFrame(errors.views[d.frame.id, "left"], truth, device, (first, second), valid, inside, d.focal_baseline)
+        view = errors.views[d.frame.id, "left"]
+        yield _DepthFrame(view, truth, device, (first, second), valid, inside, d.focal_baseline)
 
 
 class _Judge:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import Capture, ImageKey, binned, read_capture, usual_binning, usual_samples
+from activestereo.capture.capture import Capture, Frame, ImageKey, binned, read_capture, usual_binning, usual_samples
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     from activestereo.diagnose.room.unseen import Unseen
     from activestereo.effects.engines import CaptureRenderer
 
-_BASE_SHARE = 0.4  # of the last phase's progress: rendering the base model's light
 _NO_FIGURES: dict[str, Any] = {
     **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
     "heldout_noise_floor": None,
@@ -206,12 +205,12 @@ def diagnose(
     def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:
         return with_test_frames(evidence, fitter, solution, model, partial(render, split="test", progress=None))
 
-    sampled = samples_per_pixel, max_bounces, seed, kept, part_of(phases, 0.0, _BASE_SHARE), WARP_SCALE
+    sampled = samples_per_pixel, max_bounces, seed, kept
 
-    def base(capture: Capture) -> Halves:
-        return render_halves(capture, tracer, *sampled)
+    def base(capture: Capture, frames: Sequence[Frame], progress: Progress | None) -> Halves:
+        return render_halves(capture, tracer, *sampled, progress, WARP_SCALE, frames)
 
-    errors = ErrorsOfModels(whole, base, seed, engines, part_of(phases, _BASE_SHARE, 1.0), kept)
+    errors = ErrorsOfModels(whole, base, seed, engines, phases, kept)
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
     options = made, searched, capture.binning, numbers, rendering is None, engines is None
     key = None if model is not None else key_of(whole, effects, *options)
@@ -221,9 +220,9 @@ def diagnose(
         result, complete, stub = known_before
         tell(_verdict_words(result["verdict"], result["added"]))
         phases.begin(BOTH)
-        _, before, _, after = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
+        _, seen = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
-        return Diagnosis(result, accepted, stub, complete, before, after, made, key)
+        return Diagnosis(result, accepted, stub, complete, seen.before, seen.after, made, key)
 
     def look(tell: Callable[[str], object]) -> None:  # a function, so that the view's memory is freed at its end
         view = richest_view(capture)
@@ -407,8 +406,9 @@ def _told(
     if settings.errors is not None:
         phases.begin(BOTH)
         errors = settings.errors.at_stated_geometry(complete)
-        figures, before, moved, after = held_out_figures(errors, given, added, complete)
-        tested = _test_errors(outcome, evidence.test, moved, after, numbers)
+        figures, images = held_out_figures(errors, given, added, complete)
+        before, after = images.before, images.after
+        tested = _test_errors(outcome, evidence.test, images.standing, after, numbers)
         phases.begin(DEPTH)
         judge = numbers, settings.workers, settings.memory
         depth = judged_depth(errors.capture, after, accepted, excess_of(rows), candidates, evidence.seed, *judge)
@@ -417,7 +417,7 @@ def _told(
             accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in found[fault.effect.id].items()})
             complete = found_model(evidence, accepted, solution, found)
             after = replace(after, model=complete.bound(surface_names(capture.scene_path)))
-        split = depth_split(errors.capture, errors.plain(), moved, after, depth, name_of, evidence.seed)
+        split = depth_split(errors.capture, images.plain, images.standing, after, depth, name_of, evidence.seed)
         judged = judged | {name: value for name, value in figures.items() if value is not None} | {"depth_split": split}
     if judged["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))

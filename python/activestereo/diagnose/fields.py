@@ -341,8 +341,8 @@ def _row_of(
 
 
 def _is_random(totals: np.ndarray, variance: float, shape: tuple[int, ...], numbers: Numbers) -> bool:
-    """Returns whether draws that lie _APART steps apart on their grid are independent. Their covariance, of either sign,
-    must be a small share of the variance."""
+    """Returns whether draws that lie _APART steps apart on their grid are independent. Their covariance must be a small
+    share of the variance, of either sign."""
     count = len(totals[0]) // int(np.prod(shape)) * int(np.prod(shape))
     a, b = (total[:count].reshape(-1, *shape) for total in totals)
     for axis, apart in product(range(1, a.ndim), _APART):

@@ -4,18 +4,18 @@ is left out in turn."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import SIDES, Capture
-from activestereo.common.computed_once import computed_once
-from activestereo.common.progress_bar import Progress
+from activestereo.capture.capture import SIDES, Capture, Frame
+from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.image_errors import BaseLight, ImageErrors, image_errors
+from activestereo.compare.image_errors import ImageErrors, Judged, image_errors
 from activestereo.compare.render import Halves
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class ErrorsOfModels:
     """Computes ImageErrors of models on a capture, at its stated geometry and at the estimated geometry. base: renders
-    the base model's light on all frames of a capture. seed, engines: as in compare(). progress: called with the share
-    of a model that engines have rendered. cache: keeps that light, or None. stands: the capture at the estimated
-    geometry, None if that is the stated one."""
+    the base model's light on frames of a capture (image_errors()). seed, engines: as in compare(). progress: called
+    with the share done. cache: keeps the engines' light, or None. stands: the capture at the estimated geometry, None
+    if that is the stated one."""
 
     capture: Capture
-    base: Callable[[Capture], Halves]
+    base: Callable[[Capture, Sequence[Frame], Progress | None], Halves]
     seed: int = 0
     engines: Callable[[Capture], CaptureRenderer] | None = None
     progress: Progress | None = None
@@ -51,34 +51,23 @@ class ErrorsOfModels:
     def given(self, model: Model | SensorModel | None) -> ImageErrors:
         """Returns the errors of the model that a diagnosis starts from; None = the base model. A Model is judged at the
         capture's stated geometry, a SensorModel at its own calibration."""
-        if model is None and self.stands is None:
-            return self.plain()
-        return self._under(model, calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture)
+        capture = calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture
+        return self._under(capture, [model], part_of(self.progress, 0.0, 0.4))[0]
 
-    @computed_once
-    def plain(self) -> ImageErrors:
-        """Returns the errors of the base model at the estimated geometry."""
-        return self._under(None, self.stands or self.capture)
+    def standing(self, models: Sequence[Model | SensorModel | None]) -> list[ImageErrors]:
+        """Returns the errors of models at the estimated geometry; None = the base model."""
+        return self._under(self.stands or self.capture, models, part_of(self.progress, 0.4, 1.0))
 
-    def found(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of a model at the estimated geometry; None = the base model."""
-        return self.plain() if model is None else self._under(model, self.stands or self.capture)
-
-    def _under(self, model: Model | SensorModel | None, capture: Capture) -> ImageErrors:
-        is_here = capture is (self.stands or self.capture)
-        base = self._base_light() if is_here else BaseLight.of(capture, self.base(capture), self.seed)
-        measured, engines = None, None if model is None else self.engines
-        if isinstance(model, SensorModel):
-            names = surface_names(capture.scene_path)
-            measured = model.scene_measurement(names)
-            model = model.bound(names)
-        return image_errors(capture, model or Model(), base, engines, measured, self.progress, self.cache)
-
-    @computed_once
-    def _base_light(self) -> BaseLight:
-        """Returns the base model's light at the estimated geometry. It is cached because rendering is expensive."""
-        capture = self.stands or self.capture
-        return BaseLight.of(capture, self.base(capture), self.seed)
+    def _under(
+        self, capture: Capture, models: Sequence[Model | SensorModel | None], progress: Progress | None
+    ) -> list[ImageErrors]:
+        names, judged = surface_names(capture.scene_path), []
+        for model in models:
+            if isinstance(model, SensorModel):
+                judged.append(Judged(model.bound(names), self.engines, model.scene_measurement(names)))
+            else:
+                judged.append(Judged(Model()) if model is None else Judged(model, self.engines))
+        return image_errors(capture, judged, partial(self.base, capture), self.seed, progress, self.cache)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:
@@ -93,18 +82,29 @@ def _stand_alike(a: Capture, b: Capture) -> bool:
     return all(map(np.array_equal, places(a), places(b)))
 
 
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of the given model (before), of the given model and of the base model at the estimated geometry (standing,
+    plain), and of the written model (after)."""
+
+    before: ImageErrors
+    standing: ImageErrors
+    plain: ImageErrors
+    after: ImageErrors
+
+
 def held_out_figures(
     errors: ErrorsOfModels, given: Model | SensorModel | None, added: list[str], written: SensorModel
-) -> tuple[dict[str, Any], ImageErrors, ImageErrors, ImageErrors]:
-    """Returns (errors as numbers; ImageErrors of the given model, of the given model at the estimated geometry, of the
-    written model).
+) -> tuple[dict[str, Any], HeldOut]:
+    """Returns (errors as numbers, the same as images).
 
     Numbers are root mean squares in DN over all images of a split, without the renderer's noise; None if the split has
     no frames. errors: with the geometry of the written model. written: the contents of model.json. added: the effects
     that it has beyond the given model.
     """
-    before, after = errors.given(given), errors.found(written)
-    standing = before if errors.stands is None else errors.found(given)
+    before = None if errors.stands is None and not isinstance(given, SensorModel) else errors.given(given)
+    after, standing, *plain = errors.standing([written, given, None][: 2 + (given is not None)])
+    before = before or standing
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
 
     def rmse(errors: ImageErrors, split: str) -> float | None:
@@ -121,7 +121,7 @@ def held_out_figures(
             for names, e in (([], before), (added, after))[: 1 + bool(added)]
         ],
     }
-    return figures, before, standing, after
+    return figures, HeldOut(before, standing, plain[0] if plain else standing, after)
 
 
 def left_out_rmse(fitter: Fitter, solution: Solution) -> float:

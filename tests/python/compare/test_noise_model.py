@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of a camera, of the renderer and of unsteady light."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +11,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
+from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.noise import comb_of, fit_noise_model, unsteady_light
 from activestereo.compare.render import mean_of_halves, noise_square, render_halves
 from activestereo.diagnose import diagnose
@@ -137,6 +138,23 @@ def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clea
     assert (first.ambient != second.ambient)[seen].mean() > 0.99
     supersampled = mean[key[0]][key[1]].supersampled
     np.testing.assert_allclose(supersampled.pixels()[2], mean[key[0]][key[1]].ambient, rtol=1e-4, atol=1e-6)
+
+
+def test_squares_of_blocks_are_free_of_the_renderer_s_noise():
+    """An error of 2 DN everywhere, under renders that deviate by 5 DN: of pixels and of means over 3 x 3 of them."""
+    rng, key = np.random.default_rng(4), (0, "left")
+    first, second = 100.0 + 5.0 * rng.standard_normal((2, 300, 420))
+    measured = np.full(first.shape, 102.0)
+    known = dict.fromkeys((f.name for f in fields(ImageErrors)))
+    images = {
+        "measured": measured,
+        "predictions": (first + second) / 2,
+        "squares": (measured - first) * (measured - second),
+    }
+    errors = ImageErrors(**known | {name: {key: image} for name, image in images.items()})
+    for size in (1, 3):
+        squares = errors.squares_of_blocks(key, size)
+        assert squares.shape == (300 // size, 420 // size) and squares.mean() == pytest.approx(4.0, abs=0.25)
 
 
 HEIGHT, WIDTH = 120, 160

@@ -8,7 +8,7 @@ import pytest
 
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.image_errors import BaseLight, image_errors
+from activestereo.compare.image_errors import Judged, image_errors
 from activestereo.compare.render import render_halves
 from activestereo.diagnose.depth_engine import Depth
 from activestereo.diagnose.depth_split import OWN, PARTS, depth_split, split_of
@@ -113,7 +113,7 @@ def test_a_device_that_stretches_depth_is_told_as_out_of_calibration(tmp_path, s
     capture = read_capture(with_device_depth(world, tmp_path / "capture", ids=(0, 2), stretch=stretch))
     halves = render_halves(capture, WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
     faded = Model().with_effect(builtin()["vignetting"], exponent=1.0)
-    plain, found = (image_errors(capture, model, BaseLight.of(capture, halves)) for model in (Model(), faded))
+    plain, found = image_errors(capture, [Judged(Model()), Judged(faded)], lambda *_: halves)
     told = depth_split(capture, plain, plain, found, Depth((), True), str, 0)
     share = {name: part["share_px"] for name, part in told["after"]["parts"].items()}
     assert told["images_agree"] and not told["filters"] and told["pixels"] > 10000

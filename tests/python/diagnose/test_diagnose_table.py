@@ -129,7 +129,7 @@ def captured(table, folder, model):
 
 
 def examined(table, capture, stated, effects):
-    errors = ErrorsOfModels(capture, lambda _: (table[1], table[1]), cache=_NoCache())
+    errors = ErrorsOfModels(capture, lambda *_: (table[1], table[1]), cache=_NoCache())
     return examine(gather(capture, table[1]), stated, effects, Settings(workers=1, errors=errors)).result
 
 

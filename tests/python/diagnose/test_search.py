@@ -35,6 +35,7 @@ from activestereo.effects.lights import flicker_starts, unit_starts
 from effect_worlds import seen, view_of
 
 EFFECTS = builtin()
+WHOLE = SimpleNamespace(binning=1)
 
 
 def test_columns_follow_their_pixels_to_another_fitter():
@@ -200,7 +201,7 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
     squares = {"train": 1.25, "test": 1.0 + left}
     train, test = (
         [
-            SimpleNamespace(key=(f.id, side), weight=np.eye(4) < 0.5, pixels=12, picked=lambda: slice(None))
+            SimpleNamespace(key=(f.id, side), weight=np.eye(4) < 0.5, pixels=12, picked=lambda: slice(None), view=WHOLE)
             for f in frames
             for side in SIDES
             if f.split == split
@@ -220,9 +221,7 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
             capture=SimpleNamespace(frames=frames),
             predictions={(f.id, side): np.full((4, 4), 5.0 + 10.0 * (1 + f.id)) for f in frames for side in SIDES},
             layers={f.id: dict.fromkeys(SIDES, SimpleNamespace(projector=np.ones((4, 4)))) for f in frames},
-            squares={
-                (f.id, side): np.where(np.eye(4) < 0.5, squares[f.split] + more, 1e6) for f in frames for side in SIDES
-            },
+            squares_of_blocks=lambda key, _: np.where(np.eye(4) < 0.5, squares[SPLITS[key[0]]] + more, 1e6),
         )
 
     explained, unexplained, _ = _test_errors(outcome, test, errors(0.4), errors(0.0), NUMBERS)
@@ -235,13 +234,14 @@ def test_test_frames_deny_names_beside_draws_of_their_own(left, denies):
 def test_each_test_frame_has_to_confirm_a_name(after, unlike):
     """The mean of both frames confirms either name; the second frame denies one."""
     test = [
-        SimpleNamespace(key=i, frame=SimpleNamespace(id=i), weight=np.ones(4), pixels=4, picked=lambda: slice(None))
+        SimpleNamespace(
+            key=i, frame=SimpleNamespace(id=i), weight=np.ones(4), pixels=4, picked=lambda: slice(None), view=WHOLE
+        )
         for i in range(2)
     ]
     outcome = SimpleNamespace(names=[SimpleNamespace(id="thermal_drift", field=None, effect=None)], noise=())
     standing, named = (
-        SimpleNamespace(squares={i: np.full(4, square) for i, square in enumerate(both)})
-        for both in ((2.4, 1.9), after)
+        SimpleNamespace(squares_of_blocks=lambda i, _, both=both: np.full(4, both[i])) for both in ((2.4, 1.9), after)
     )
     explained, left, found = _test_errors(outcome, test, standing, named, NUMBERS)
     assert found == pytest.approx(unlike)

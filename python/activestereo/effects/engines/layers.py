@@ -74,7 +74,8 @@ class Sampling:
         depth_m = np.where(smooth, corners.mean(axis=0, dtype=np.float64), corners[0]).astype(np.float32)
         at = np.ix_(rows, columns)
         surfaces = depth_m, layers.normal[at], layers.material[at]
-        return Layers(direct, indirect, ambient, flat, *surfaces, ambient_direct, supersampled)
+        own = SupersampledImages(images, self.scale, self.margin_px)  # another one, which does not keep pixels()
+        return Layers(direct, indirect, ambient, flat, *surfaces, ambient_direct, own)
 
 
 def sampling_of(rig: Rig, scale: int) -> Sampling:
