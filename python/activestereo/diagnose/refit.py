@@ -27,6 +27,7 @@ from activestereo.diagnose.linear import linearised, score_alone
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.selection import Candidate
 from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
+from activestereo.effects.core.surfaces import MATERIAL_FAMILY
 
 # Rounds of rendering and fitting, and steps of each fit. A difference steps by this share of the typical value or of
 # the parameter's own distance. A round moves a parameter by at most so many steps, and is the last below a half. Then
@@ -45,6 +46,8 @@ _NODES, _CURVE_STEPS = 10, 4
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
+# Real facets and depths of scatter follow other laws than the library's materials.
+_OF_MATERIALS = 4.0
 
 
 class Rendering(Protocol):
@@ -274,6 +277,13 @@ def restore_functions(model: Model, candidates: Sequence[Effect]) -> Model:
     effects' original image functions; a fit may have replaced these by rendered images."""
     own = {e.id: e for e in candidates}
     return Model(tuple((own.get(e.id, e), values) for e, values in model.effects))
+
+
+def missed_share(effect: Effect, is_exact: bool, usual: float) -> float:
+    """Returns the share of an effect's gain that its images may miss. is_exact: whether renders replaced its formula.
+    usual: what even renders miss, but for materials."""
+    least = _OF_MATERIALS * usual if effect.family == MATERIAL_FAMILY else usual
+    return least if is_exact or is_response(effect) else max(least, 2.0 * usual, formula_error(effect, least))
 
 
 def formula_error(effect: Effect, otherwise: float) -> float:

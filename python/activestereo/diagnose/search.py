@@ -23,7 +23,7 @@ from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearis
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
-from activestereo.diagnose.refit import Refit, formula_error, is_response, refit_free_curve, refits, restore_functions
+from activestereo.diagnose.refit import Refit, formula_error, missed_share, refit_free_curve, refits, restore_functions
 from activestereo.diagnose.selection import Candidate, calibrated, candidates, credible, freed, gain_beyond, stand_ins
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
@@ -229,9 +229,8 @@ class Search:
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
-        missed = numbers.formula_error
-        if name in fits and not (fits[name].rendered or is_response(effect)):
-            missed = max(2.0 * missed, formula_error(effect, missed))
+        is_exact = name not in fits or fits[name].rendered
+        missed = missed_share(effect, is_exact, numbers.formula_error)
         field = fields[name][1] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
@@ -329,8 +328,8 @@ class Search:
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
             return False
-        usual = self._numbers.formula_error
-        own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
+        least = [missed_share(n.effect, True, self._numbers.formula_error) for n in self._names]
+        own = [x if n.field else min(x, formula_error(n.effect, x)) for x, n in zip(least, self._names, strict=True)]
         beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
         return beyond > max(self._floor(), self._missed(own))
 

@@ -107,6 +107,17 @@ def test_only_the_freer_field_imitates_the_other():
     assert not imitates(builtin()["prnu"], builtin()["fixed_pattern_noise"])
 
 
+def test_gains_of_every_second_column_are_no_random_draws():
+    """As crosstalk between columns gives them; random ones are found."""
+    rng, random = np.random.default_rng(8), rows_with(0.0, 0.0)
+    gains = 0.1 * rng.standard_normal(FIELD_SHAPE), 0.1 * np.broadcast_to((-1.0) ** np.arange(80), FIELD_SHAPE)
+    found = []
+    for gain in gains:
+        rows = tuple(row._replace(residual=row.residual + gain * row.expected) for row in random)
+        found.append(fitted(builtin()["prnu"], rows))
+    assert found[0].sigma["sigma"] == pytest.approx(0.1, rel=0.1) and found[1] is None
+
+
 def test_an_error_of_the_tone_curve_is_no_grain():
     """It is alike wherever the dots are as bright, so that static dots would predict each other's."""
     rng = np.random.default_rng(6)

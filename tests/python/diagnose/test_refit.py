@@ -19,7 +19,7 @@ from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.linear import linearised
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.refit import fitted_to_renders, refit_free_curve
+from activestereo.diagnose.refit import fitted_to_renders, missed_share, refit_free_curve
 from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
@@ -298,3 +298,12 @@ def test_a_curve_of_any_shape_takes_what_the_formula_of_the_response_leaves(curv
 def test_what_is_no_curve_of_values_keeps_its_fit(curved, effect):
     fitter, formula = fitted_to_curve(curved, effect)
     assert refit_free_curve(fitter, formula) is formula
+
+
+@pytest.mark.parametrize(
+    "name, is_exact, share",
+    [("interreflection", True, 0.14), ("flicker_banding", True, 0.035), ("response_gamma", False, 0.035)],
+)
+def test_renders_of_materials_miss_more_than_those_of_lamps(name, is_exact, share):
+    assert missed_share(builtin()[name], is_exact, 0.035) == pytest.approx(share)
+    assert missed_share(builtin()["lens_psf"], False, 0.035) >= 0.07

@@ -168,6 +168,7 @@ def _instances(document: dict[str, Any]) -> list[_Instance]:
     return out
 
 
+MATERIAL_FAMILY = "surface"  # of effects that change how materials send light back
 # A float in a file holds a sum of powers of 2 exactly up to this number of materials.
 MOST_MATERIALS = 48
 
