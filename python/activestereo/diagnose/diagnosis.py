@@ -396,6 +396,7 @@ def _told(
     for name in names if is_found else ():
         if name.field is not None or name.id in outcome.noise:
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
+    phases.begin(BOTH)
     if settings.with_test is not None:
         own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
@@ -404,7 +405,6 @@ def _told(
     before = after = None
     tested = _UNTESTED
     if settings.errors is not None:
-        phases.begin(BOTH)
         errors = settings.errors.at_stated_geometry(complete)
         figures, images = held_out_figures(errors, given, added, complete)
         before, after = images.before, images.after

@@ -14,7 +14,7 @@ from activestereo.common.output_files import left_over, write_text, written_toge
 from activestereo.common.phases import Phases
 from activestereo.compare import model_file
 from activestereo.diagnose.fitter import Fitter
-from activestereo.diagnose.settings import DEPTH, FITTING
+from activestereo.diagnose.settings import BOTH, DEPTH, FITTING
 from activestereo.effects import builtin, engines
 from activestereo.effects.core.load import load_effects
 from lab_worlds import WorldRenderer
@@ -153,7 +153,8 @@ def test_going_on_after_ctrl_c_repeats_nothing(tmp_path, monkeypatch, capsys, wo
         work.clear()
         return made
 
-    assert [stopped_in(phase) for phase in (FITTING, DEPTH, DEPTH)] == [{"render", "fit"}, {"fit"}, set()]
+    stops = (FITTING, {"render", "fit"}), (BOTH, {"fit"}), (BOTH, set()), (DEPTH, {"render"}), (DEPTH, set())
+    assert [stopped_in(phase) for phase, _ in stops] == [made for _, made in stops]
     assert main(command) == 0 and "fit" not in work
     assert {"report.html", "diagnose.json"} <= {p.name for p in (tmp_path / "out").iterdir()} - {"stopped.txt"}
     assert not (tmp_path / "out/stopped.txt").exists()
