@@ -4,12 +4,13 @@ one band. Every part is a dict for mitsuba.load_dict, or an object inside one.""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.scene_io.meshes import Mesh
+if TYPE_CHECKING:  # held-out worlds share this file, and no code with the product
+    from activestereo.scene_io.meshes import Mesh
 
 
 def mitsuba() -> Any:
