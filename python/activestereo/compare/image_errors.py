@@ -163,11 +163,19 @@ class Judged:
     engines: Callable[[Capture], CaptureRenderer] | None = None
     known: SceneMeasurement | None = None
 
+    def measured(self) -> SceneMeasurement:
+        """Returns the focal lengths and albedos that count."""
+        return SceneMeasurement() if self.engines is None or self.known is None else self.known
+
+    def is_traced(self) -> bool:
+        """Returns whether engines render the model's light."""
+        return self.engines is not None and not changes_no_ray(self.model, self.measured())
+
     def lights(self, capture: Capture, cache: LayerCache, progress: Progress | None) -> LightOf:
         """Returns a function of (half of the samples: 0 or 1, base layers of one camera, their view): the model's light
         on the imager."""
-        known = SceneMeasurement() if self.engines is None or self.known is None else self.known
-        if self.engines is not None and not changes_no_ray(self.model, known):
+        known = self.measured()
+        if self.engines is not None and self.is_traced():
             return engine_lights(capture, self.model, known, self.engines(capture), cache, progress)
 
         def light(half: int, layers: Layers, view: View) -> Light:
@@ -193,15 +201,16 @@ def image_errors(
     poses: dict[bytes, list[Frame]] = {}
     for frame in capture.frames:
         poses.setdefault(frame.camera_to_world.tobytes(), []).append(frame)
-    parts = len(judged) + 1  # of the progress; the last is for the base model's light
-    shares = [part_of(progress, i / parts, (i + 1) / parts) for i in range(parts)]
+    parts = sum(j.is_traced() for j in judged) + 1  # of the progress; the last is for the base model's light
+    shares = (part_of(progress, i / parts, (i + 1) / parts) for i in range(parts))
     kept = cache or LayerCache()
-    lights = [j.lights(capture, kept, share) for j, share in zip(judged, shares, strict=False)]
+    lights = [j.lights(capture, kept, next(shares) if j.is_traced() else None) for j in judged]
+    last = next(shares)
     mean: dict[int, Mapping[str, Layers]] = {}
     views: dict[ImageKey, View] = {}
     sent: list[dict[ImageKey, NDArray[np.float32]]] = [{} for _ in judged]
     for done, frames in enumerate(poses.values()):
-        halves = render(frames, part_of(shares[-1], done / len(poses), (done + 1) / len(poses)))
+        halves = render(frames, part_of(last, done / len(poses), (done + 1) / len(poses)))
         mean |= mean_of_halves(halves, is_fine=False)
         for frame, side in ((frame, side) for frame in frames for side in SIDES):
             key, both = (frame.id, side), [half[frame.id][side] for half in halves]

@@ -401,7 +401,7 @@ def _told(
         own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn, added = evidence.capture, solution.nuisances.black_dn, [n.id for n in names if is_found]
-    complete, depth, judged = found_model(evidence, accepted, solution, found), Depth((), False), _NO_FIGURES
+    complete, depth, judged = found_model(evidence, accepted, solution, found), Depth((), False), dict(_NO_FIGURES)
     before = after = None
     tested = _UNTESTED
     if settings.errors is not None:
@@ -418,13 +418,13 @@ def _told(
             complete = found_model(evidence, accepted, solution, found)
             after = replace(after, model=complete.bound(surface_names(capture.scene_path)))
         split = depth_split(errors.capture, images.plain, images.standing, after, depth, name_of, evidence.seed)
-        judged = judged | {name: value for name, value in figures.items() if value is not None} | {"depth_split": split}
+        judged |= {name: value for name, value in figures.items() if value is not None} | {"depth_split": split}
     if judged["heldout_ir_rmse_before"] is None:  # there are no errors of test frames
         first, last = (left_out_rmse(outcome.fitter, fit) for fit in (outcome.first, solution))
-        judged = judged | {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
-        judged = judged | {"heldout_ir_rmse_after": last}
+        judged |= {f"heldout_ir_rmse_{which}": first for which in ("before", "geometry")}
+        judged |= {"heldout_ir_rmse_after": last}
     if judged["heldout_noise_floor"] is None and evidence.has_floor:
-        judged = judged | {"heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train)))}
+        judged |= {"heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train)))}
     residual = residual_model(rows, black_dn, evidence.seed) if verdict == UNKNOWN else None
     result: dict[str, Any] = judged | {
         "verdict": verdict,

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from activestereo.effects.engines import CaptureRenderer
 
 
+_GIVEN_SHARE = 0.4  # of the progress, for a given model at the stated geometry
+
+
 @dataclass(frozen=True)
 class ErrorsOfModels:
     """Computes ImageErrors of models on a capture, at its stated geometry and at the estimated geometry. base: renders
@@ -52,11 +55,12 @@ class ErrorsOfModels:
         """Returns the errors of the model that a diagnosis starts from; None = the base model. A Model is judged at the
         capture's stated geometry, a SensorModel at its own calibration."""
         capture = calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture
-        return self._under(capture, [model], part_of(self.progress, 0.0, 0.4))[0]
+        return self._under(capture, [model], part_of(self.progress, 0.0, _GIVEN_SHARE))[0]
 
-    def standing(self, models: Sequence[Model | SensorModel | None]) -> list[ImageErrors]:
-        """Returns the errors of models at the estimated geometry; None = the base model."""
-        return self._under(self.stands or self.capture, models, part_of(self.progress, 0.4, 1.0))
+    def standing(self, models: Sequence[Model | SensorModel | None], done: float) -> list[ImageErrors]:
+        """Returns the errors of models at the estimated geometry; None = the base model. done: the share of the
+        progress that was told before."""
+        return self._under(self.stands or self.capture, models, part_of(self.progress, done, 1.0))
 
     def _under(
         self, capture: Capture, models: Sequence[Model | SensorModel | None], progress: Progress | None
@@ -103,7 +107,8 @@ def held_out_figures(
     that it has beyond the given model.
     """
     before = None if errors.stands is None and not isinstance(given, SensorModel) else errors.given(given)
-    after, standing, *plain = errors.standing([written, given, None][: 2 + (given is not None)])
+    models, done = [written, given, None][: 2 + (given is not None)], 0.0 if before is None else _GIVEN_SHARE
+    after, standing, *plain = errors.standing(models, done)
     before = before or standing
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from activestereo.capture.capture import unbinned
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.noise import Comb, by_repeats, comb_of, fit_terms, repeat_statistics, transfer_rows
 from activestereo.diagnose.evidence import Evidence, Observation
@@ -92,8 +93,9 @@ def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
 
 def comb_in(evidence: Evidence) -> Comb | None:
     """Returns the coarse steps of the train images' digital numbers; None if all whole numbers occur."""
-    capture = evidence.capture.whole or evidence.capture
-    return comb_of((capture.ir(o.frame, o.side) for o in evidence.train), capture.rig.max_dn)
+    whole = evidence.capture.whole
+    images = (o.measured if whole is None else whole.ir(o.frame, o.side) for o in evidence.train)
+    return comb_of(images, evidence.capture.rig.max_dn)
 
 
 def _rows(
@@ -130,7 +132,7 @@ def _rows(
 def _transfer(effect: Effect, term: RandomTerm, evidence: Evidence, model: Model) -> NoiseTerm | str:
     """Fits the variance of repeated frames against their mean, with and without a noise term; other terms are in both
     fits. Returns the fit, or a reason why there is none. Its gain in nats is 0 if the model has no noise term."""
-    capture = evidence.capture.whole or evidence.capture
+    capture = unbinned(evidence.capture)
     rows = [row for entry in repeat_statistics(capture, "train") for row in transfer_rows(entry, capture.rig.max_dn)]
     if not rows:
         return _NO_REPEATS

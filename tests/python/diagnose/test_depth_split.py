@@ -113,7 +113,15 @@ def test_a_device_that_stretches_depth_is_told_as_out_of_calibration(tmp_path, s
     capture = read_capture(with_device_depth(world, tmp_path / "capture", ids=(0, 2), stretch=stretch))
     halves = render_halves(capture, WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
     faded = Model().with_effect(builtin()["vignetting"], exponent=1.0)
-    plain, found = image_errors(capture, [Judged(Model()), Judged(faded)], lambda *_: halves)
+    done: list[float] = []
+
+    def render(frames, progress):
+        progress(1.0)
+        return halves
+
+    plain, found = image_errors(capture, [Judged(Model()), Judged(faded)], render, progress=done.append)
+    poses = len({frame.camera_to_world.tobytes() for frame in capture.frames})
+    assert done == pytest.approx([(i + 1) / poses for i in range(poses)])  # no engine renders: views are all the work
     told = depth_split(capture, plain, plain, found, Depth((), True), str, 0)
     share = {name: part["share_px"] for name, part in told["after"]["parts"].items()}
     assert told["images_agree"] and not told["filters"] and told["pixels"] > 10000
