@@ -9,7 +9,7 @@ from activestereo.capture.capture import Capture, read_capture
 from activestereo.cli import arguments as cli
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.report.screen import command
+from activestereo.report.screen import WRITING, WRITING_S, command
 
 if TYPE_CHECKING:
     from activestereo.effects import Effect
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.model_file import library
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.summary import comparison_screen, is_near_noise
-    from activestereo.report.write import WRITING, WRITING_S, write_report
+    from activestereo.report.write import write_report
 
     effects = library(*args.effects)
     own = [word for file in args.effects for word in ("--effects", file)]

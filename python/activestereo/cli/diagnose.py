@@ -15,7 +15,7 @@ from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_text
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.report.screen import Step, command
+from activestereo.report.screen import WRITING, WRITING_S, Step, command
 
 if TYPE_CHECKING:
     from activestereo.diagnose import Diagnosis
@@ -90,8 +90,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
-    from activestereo.report.diagnosis import diagnosis_screen
-    from activestereo.report.write import WRITING, WRITING_S, write_diagnosis, write_diagnosis_report
 
     cli.make_folder(args.out)
     effects = library(*args.effects)
@@ -108,6 +106,10 @@ def run(args: argparse.Namespace) -> None:
             engines=engines_of(*sampled), binning=args.bin, reference=args.reference, says=bar.tell,
         )  # fmt: skip
         phases.begin(WRITING)
+        # The verdict does not wait for Matplotlib, which takes seconds at its first start.
+        from activestereo.report.diagnosis import diagnosis_screen
+        from activestereo.report.write import write_diagnosis, write_diagnosis_report
+
         steps = _steps(args, diagnosis)
         write_diagnosis_report(diagnosis, args.out, effects, phases, steps)
         write_diagnosis(diagnosis, args.out)

@@ -14,6 +14,7 @@ from activestereo.common.own_files import is_outside_allowed
 from activestereo.common.shown import printable
 
 COLUMNS = 80
+WRITING, WRITING_S = "writing the report", 10.0  # the last phase's name, and how long it takes
 _MOST_LINES = 10  # a command that is wrapped, because its paths are long, counts as one
 _LONGEST_BAR = 24
 

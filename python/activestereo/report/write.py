@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from activestereo.effects import Effect
 
 
-WRITING, WRITING_S = "writing the report", 10.0  # the phase's name, and how long it takes
 _SCRIPTS = ("picture.js", "zoom.js", "explorer.js", "strip.js")
 
 
