@@ -55,11 +55,6 @@ def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, k
     return pixels if pixels.ndim == 3 else np.repeat(pixels[..., None], 3, axis=2)
 
 
-def read_image_array(path: str | Path, key: str = "image") -> np.ndarray:
-    """Reads a gray image file as read_gray() does, or a .npy array, uint8 or uint16 [height, width]."""
-    return read_npy(path, key, "height", "width") if Path(path).suffix == ".npy" else read_gray(path, key=key)
-
-
 def read_npy(path: str | Path, key: str, *axes: str) -> np.ndarray:
     """Reads a .npy array, uint8 or uint16. axes: names of the axes that it must have, such as "height"."""
     try:

@@ -16,7 +16,7 @@ import numpy as np
 import simsense
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
-from activestereo.capture.images import read_image_array
+from activestereo.capture.images import read_gray, read_npy
 from activestereo.cli import arguments as cli
 from activestereo.cli import sensor_options as options
 from activestereo.cli.import_calibration import RectifiedPair, folder_device, own_device, rectified_pair
@@ -120,7 +120,10 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}{or_file}")
     if args.settings:
         raise cli.CommandError("--settings is for recordings, not for a pair")
-    left, right = (read_image_array(path, key="image") for path in (args.left, args.right))
+    left, right = (
+        read_npy(path, "image", "height", "width") if path.suffix == ".npy" else read_gray(path, key="image")
+        for path in (args.left, args.right)
+    )
     if left.shape != right.shape:
         sizes = " and ".join(f"{image.shape[1]}x{image.shape[0]}" for image in (left, right))
         raise cli.CommandError(f"the images differ in size: {args.left} and {args.right} are {sizes}")

@@ -168,10 +168,10 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
     return out
 
 
-def unused_text(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """Returns a line on the folder's PNG files that belong to no frame, or an empty list."""
-    rest = _unused(folder, files)
-    return [f"{len(rest)} images are not used, such as {rest[0].relative_to(folder)}"] if rest else []
+def unused_images(folder: Path, files: Sequence[FrameFiles]) -> list[Path]:
+    """Lists the folder's PNG files that belong to no frame."""
+    used = {file for entry in files for file in entry.files.values()}
+    return sorted(set(Path(folder).rglob("*.png")) - used)
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
@@ -180,14 +180,9 @@ def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
     from activestereo.capture.importers.realsense_folder import frame_files
 
     found = []
-    names = (file.relative_to(folder).with_suffix("").as_posix() for file in _unused(folder, files))
+    names = (file.relative_to(folder).with_suffix("").as_posix() for file in unused_images(folder, files))
     for word in dict.fromkeys(word for name in names for word in re.findall(r"[A-Za-z]{2,}", name)):
         with suppress(ValueError):
             if all("depth" in entry.files for entry in frame_files(folder, word)):
                 found.append(word)
     return found
-
-
-def _unused(folder: Path, files: Sequence[FrameFiles]) -> list[Path]:
-    used = {file for entry in files for file in entry.files.values()}
-    return sorted(set(Path(folder).rglob("*.png")) - used)

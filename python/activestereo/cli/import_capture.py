@@ -83,7 +83,10 @@ def add_parser(commands: cli.Commands) -> None:
     add("--hand-eye", type=Path, metavar="FILE", help=text)
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
-    add("--exposure", type=_exposures, default=[0.008], metavar="S", help=text)
+    add(
+        "--exposure", default=[0.008], metavar="S", help=text,
+        type=lambda given: [cli.positive(each) for each in given.split(",")],
+    )  # fmt: skip
     cli.add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
     cli.add_shared(parser, verbose="all that was assumed and left out")
 
@@ -202,7 +205,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         told = ["cameras: not rectified, by this calibration: their order and rows are not looked at"]
     if bag and "Color" in image_streams(args.recording):
         told.append("left out: the bag's colour images, which are read only where it has no infrared ones")
-    told += calibration.unused_text(folder, files)
+    if rest := calibration.unused_images(folder, files):
+        told.append(f"{len(rest)} images are not used, such as {rest[0].relative_to(folder)}")
     with ProgressBar(f"importing {args.recording.name}") as bar:
         nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
@@ -211,10 +215,6 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     missing = calibration.missing_text(files, capture.frames, bool(args.poses or args.robot))
     told += [*(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
     return capture, told, words
-
-
-def _exposures(text: str) -> list[float]:
-    return [cli.positive(each) for each in text.split(",")]
 
 
 def _robot(args: argparse.Namespace) -> RobotPoses | None:

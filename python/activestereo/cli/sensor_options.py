@@ -176,7 +176,10 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
         text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3[,k4,k5,k6]], as in OpenCV (default: none)"
         lens.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=text)
         text, name = f"{whose} fisheye lens: Kannala and Brandt's k1,k2,k3,k4, as in OpenCV", f"{camera}_distortion"
-        lens.add_argument(f"--{camera}-fisheye", type=_fisheye, dest=name, metavar="K1,...", help=text)
+        lens.add_argument(
+            f"--{camera}-fisheye", dest=name, metavar="K1,...", help=text,
+            type=lambda given: tuple(map(float, cli.numbers(given, (4,), "a fisheye lens"))),
+        )  # fmt: skip
     text = "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
     text += "x (right), y (down), z (forward) (default: it stands still)"
     group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=text)
@@ -205,10 +208,6 @@ def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
 def _lens(text: str) -> tuple[float, ...]:
     values = cli.numbers(text, (4, 5, 8), "a lens")
     return tuple(map(float, np.pad(values, (0, max(0, 5 - len(values))))))
-
-
-def _fisheye(text: str) -> tuple[float, ...]:
-    return tuple(map(float, cli.numbers(text, (4,), "a fisheye lens")))
 
 
 def _twist(text: str) -> np.ndarray:

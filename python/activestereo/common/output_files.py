@@ -204,9 +204,4 @@ def write_ply(path: str | Path, points: np.ndarray, colors: np.ndarray | None = 
     types = {"<f4": "float", "u1": "uchar"}
     header = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(table)}\n"
     header += "".join(f"property {types[t]} {name}\n" for name, t in fields) + "end_header\n"
-
-    def write(file: BinaryIO) -> None:
-        file.write(header.encode())
-        file.write(table.tobytes())
-
-    replace_file(path, write)
+    replace_file(path, lambda file: file.writelines((header.encode(), table.tobytes())))

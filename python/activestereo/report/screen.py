@@ -73,7 +73,10 @@ def command(*words: object, label: str = "next") -> Step:
         if word is None:
             given.pop()
         else:
-            given.append(_quoted(str(word)))
+            text = str(word)
+            # Control characters become bash escapes, because they would end the line.
+            escaped = printable(text.replace("\\", "\\\\")).replace("'", "\\'")
+            given.append(shlex.quote(text) if text.isprintable() else f"$'{escaped}'")
     return Step(tuple(given), label)
 
 
@@ -119,10 +122,3 @@ def _command_lines(step: Step) -> list[str]:
             lines.append("   ")
         lines[-1] += f" {part}"
     return lines
-
-
-def _quoted(word: str) -> str:
-    """Quotes a word for a shell; control characters become bash escapes, because they would end the line."""
-    if word.isprintable():
-        return shlex.quote(word)
-    return "$'" + printable(word.replace("\\", "\\\\")).replace("'", "\\'") + "'"

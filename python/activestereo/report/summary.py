@@ -148,13 +148,11 @@ def _tail(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _materials(table: Mapping[str, Any]) -> dict[str, Any]:
-    worst = sorted(table["bins"], key=lambda b: -b["pixels"] * (b["excess"] - _mean(table["bins"])))[:_MOST_MATERIALS]
-    worst = [b for b in worst if b["excess"] > _mean(table["bins"])]
+    bins = table["bins"]
+    mean = float(sum(b["pixels"] * b["excess"] for b in bins) / sum(b["pixels"] for b in bins))
+    worst = sorted(bins, key=lambda b: -b["pixels"] * (b["excess"] - mean))[:_MOST_MATERIALS]
+    worst = [b for b in worst if b["excess"] > mean]
     return _place(table, worst, f"on {listed([b['label'] for b in worst])}")
-
-
-def _mean(bins: Sequence[Mapping[str, Any]]) -> float:
-    return float(sum(b["pixels"] * b["excess"] for b in bins) / sum(b["pixels"] for b in bins))
 
 
 def _place(table: Mapping[str, Any], own: Sequence[Mapping[str, Any]], words: str) -> dict[str, Any]:

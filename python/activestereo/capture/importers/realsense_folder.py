@@ -162,11 +162,10 @@ def _join_by_name(
                     "stream but for its word, such as left/desk.png and right/desk.png, or desk_left.png and "
                     "desk_right.png"
                 )
-
-    def natural(name: str) -> list[tuple[int, str]]:  # 'view 9' stands before 'view 10'
-        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
-
-    ordered = sorted((name for name in named if "left" in named[name]), key=natural)
+    ordered = sorted(
+        (name for name in named if "left" in named[name]),
+        key=lambda name: [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)],
+    )
     return [FrameFiles(float(index), named[name]) for index, name in enumerate(ordered)]
 
 

@@ -65,7 +65,14 @@ def is_scene(path: Path) -> bool:
 
 
 def _is_entry(path: Path) -> bool:
-    return is_capture(path) or is_scene(path) or is_pictures(path)
+    """Returns whether the page can open a path: a capture, a scene, or a folder of infrared pairs, named as simulate or
+    a data set names them."""
+    return (
+        is_capture(path)
+        or is_scene(path)
+        or all((path / f"{side}.png").is_file() for side in SIDES)
+        or all((path / side).is_dir() for side in SIDES)
+    )
 
 
 def _entries(root: Path) -> list[Path]:
@@ -88,11 +95,6 @@ def _below(folder: Path, depth: int) -> Iterator[Path]:
             yield path
         elif path.is_dir():
             yield from _below(path, depth - 1)
-
-
-def is_pictures(folder: Path) -> bool:
-    """Returns whether a folder holds infrared pairs, named as simulate or a data set names them."""
-    return all((folder / f"{side}.png").is_file() for side in SIDES) or all((folder / side).is_dir() for side in SIDES)
 
 
 def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
