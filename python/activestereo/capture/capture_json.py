@@ -55,20 +55,16 @@ class JsonObject:
         """Lists the object's keys in the file's order."""
         return list(self._values)
 
-    def plain(self, key: str) -> object:
-        """Returns a value without checks of its type."""
-        return self._get(key)
-
     def texts(self, key: str) -> list[str]:
         """Reads a list of texts."""
-        values = self._get(key)
+        values = self.plain(key)
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
             self.fail(key, "is not a list of text")
         return values
 
     def table(self, key: str, columns: int) -> np.ndarray:
         """Reads a list of rows, each with `columns` numbers, as float64 [n, columns]."""
-        rows = self._get(key)
+        rows = self.plain(key)
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == columns for row in rows):
             self.fail(key, f"is not a list of rows of {columns} numbers")
         for i, row in enumerate(rows):
@@ -84,7 +80,8 @@ class JsonObject:
         own = [self.key(key) for key in self._values if key not in self._known]
         return own + [key for child in self._children for key in child.unknown_keys()]
 
-    def _get(self, key: str, optional: bool = False) -> Any:
+    def plain(self, key: str, optional: bool = False) -> Any:
+        """Returns a value without checks of its type; None only if it is optional."""
         self._known.add(key)
         value = self._values.get(key)
         if value is None and not optional:
@@ -92,11 +89,11 @@ class JsonObject:
         return value
 
     def object(self, key: str, optional: bool = False) -> Any:
-        value = self._get(key, optional)
+        value = self.plain(key, optional)
         return None if value is None else self._child(self.key(key), value)
 
     def objects(self, key: str) -> list[JsonObject]:
-        values = self._get(key, optional=True)
+        values = self.plain(key, optional=True)
         if not isinstance(values, list):
             self.fail(key, "is missing" if values is None else "is not a list")
         return [self._child(f"{self.key(key)}[{i}]", value) for i, value in enumerate(values)]
@@ -109,28 +106,28 @@ class JsonObject:
 
     def free_form(self, key: str) -> dict[str, Any]:
         """Reads an optional object with arbitrary keys; {} if it is missing."""
-        value = self._get(key, optional=True)
+        value = self.plain(key, optional=True)
         if value is not None and not isinstance(value, dict):
             self.fail(key, "is not an object")
         return value or {}
 
     def text(self, key: str) -> str:
-        value = self._get(key)
+        value = self.plain(key)
         if not isinstance(value, str):
             self.fail(key, f"is {value!r}, expected text")
         return value
 
     def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:
-        value = self._get(key, optional)
+        value = self.plain(key, optional)
         return None if value is None else float(self._within(key, value, limits))
 
     def integer(self, key: str, limits: Limits = NUMBER, optional: bool = False) -> Any:
-        value = self._get(key, optional)
+        value = self.plain(key, optional)
         return None if value is None else self._within(key, value, limits)
 
     def numbers(self, key: str, limits: Sequence[Limits], optional: bool = False) -> Any:
         """Reads a list of numbers, one within each of `limits`, as float64; a matrix may be a list of rows."""
-        values = self._get(key, optional)
+        values = self.plain(key, optional)
         if values is None:
             return None
         if isinstance(values, list) and values and all(isinstance(row, list) for row in values):
@@ -150,7 +147,7 @@ class JsonObject:
 
     def lens(self, key: str) -> np.ndarray:
         """Reads five, eight or four distortion coefficients, see activestereo/common/lens.py."""
-        values = self._get(key)
+        values = self.plain(key)
         count = len(values) if isinstance(values, list) else 5
         if count not in LENGTHS:
             self.fail(key, f"has {count} entries, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens")
@@ -171,7 +168,7 @@ class JsonObject:
     def file(self, key: str, optional: bool = False) -> Any:
         """Reads a file name relative to this file's folder and returns its path. The file must exist there (see
         own_files)."""
-        if self._get(key, optional) is None:
+        if self.plain(key, optional) is None:
             return None
         try:
             return own_file(self.path.parent, self.text(key))

@@ -184,11 +184,14 @@ def read_calibration_yaml(
             lenses.append(Camera(int(width), int(height), K, lens))
         motion = cameras[1].numbers((16,), LENGTH, "T_cn_cnm1").reshape(4, 4)
         to_second = printed_motion(motion[:3, :3], motion[:3, 3], f"{cameras[1].name}: T_cn_cnm1", motion[3])
-        return _ordered(path, lenses, to_second)
-    if any(entry.has(key) for entry in entries for key in ("P1", *(name.format(1) for name in _MATRICES))):
+    elif any(entry.has(key) for entry in entries for key in ("P1", *(name.format(1) for name in _MATRICES))):
         whole = Entry(entries[0].name, {key: value for entry in entries for key, value in entry.values.items()})
-        return _opencv(path, whole, are_rectified, size)
-    return _ros(path, entries, are_rectified, baseline_m)
+        lenses, to_second = _opencv(whole, are_rectified, size)
+    else:
+        return _ros(path, entries, are_rectified, baseline_m)
+    if to_second[0, 3] > 0.0:  # the cameras are given in either order
+        lenses, to_second = lenses[::-1], np.linalg.inv(to_second)
+    return DeviceText.of_pair(path, lenses, to_second)
 
 
 def _ros(path: Path, entries: Sequence[Entry], are_rectified: bool, baseline_m: float | None) -> DeviceText:
@@ -230,7 +233,10 @@ def _ros(path: Path, entries: Sequence[Entry], are_rectified: bool, baseline_m: 
     return DeviceText.of_pair(path, [left, right], left_to_right)
 
 
-def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int] | None) -> DeviceText:
+def _opencv(
+    entry: Entry, are_rectified: bool, size: tuple[int, int] | None
+) -> tuple[list[Camera], NDArray[np.float64]]:
+    """Returns the two cameras, and the motion from the first one's axes to the second one's."""
     if size is None or entry.has("image_width"):
         size = entry.side("image_width"), entry.side("image_height")
     width, height = size
@@ -239,8 +245,7 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
         lenses = [
             Camera(width, height, _matrix(entry, P[:, :3], key)) for P, key in ((P1.copy(), "P1"), (P2.copy(), "P2"))
         ]
-        motion = rigid_motion(((P2[0, 3] - P1[0, 3]) / P2[0, 0], 0.0, 0.0))
-        return _ordered(path, lenses, motion)
+        return lenses, rigid_motion(((P2[0, 3] - P1[0, 3]) / P2[0, 0], 0.0, 0.0))
     is_fisheye = entry.one_of(_ROS_MODELS, "distortion_model", default="plumb_bob") in _FISHEYE
     lenses = []
     for number in (1, 2):
@@ -250,15 +255,8 @@ def _opencv(path: Path, entry: Entry, are_rectified: bool, size: tuple[int, int]
     for key in ("R", "T"):
         if not entry.has(key):
             entry.fail(key, "is missing: give --calibration twice, for OpenCV's intrinsics.yml and its extrinsics.yml")
-    motion = printed_motion(entry.numbers((9,), PIXEL, "R"), entry.numbers((3,), LENGTH, "T"), f"{entry.name}: R and T")
-    return _ordered(path, lenses, motion)
-
-
-def _ordered(path: Path, lenses: Sequence[Camera], first_to_second: NDArray[np.float64]) -> DeviceText:
-    """Returns the calibration of two cameras, given in either order. The camera on the right becomes the right one."""
-    if first_to_second[0, 3] > 0.0:
-        return DeviceText.of_pair(path, lenses[::-1], np.linalg.inv(first_to_second))
-    return DeviceText.of_pair(path, lenses, first_to_second)
+    turn, place = entry.numbers((9,), PIXEL, "R"), entry.numbers((3,), LENGTH, "T")
+    return lenses, printed_motion(turn, place, f"{entry.name}: R and T")
 
 
 def _matrix(entry: Entry, K: NDArray[np.float64], key: str) -> NDArray[np.float64]:
