@@ -13,7 +13,7 @@ from __future__ import annotations
 import warnings
 import weakref
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mani_skill.envs.sapien_env
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.computed_once import computed_once
-from activestereo.integrations.sapien.scene import Looks, is_visible, light_record, own_matrix, render_system
+from activestereo.integrations.sapien.scene import Looks, is_visible, light_record, own_matrix, parts, render_system
 from activestereo.scene_io.bodies import Bodies, Shape
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.cuda_memory import CudaError, cuda_tensor, wait_for
@@ -95,8 +95,10 @@ class ManiSkillWorld:
             if is_visible(entities[0]):
                 first = self._looks.shapes(entities[0], name)
                 for environment, entity in zip(environments, entities, strict=True):
-                    materials = self._looks.materials(entity)
-                    own[environment] = [replace(s, materials=[m]) for s, m in zip(first, materials, strict=True)]
+                    own[environment] = [  # the meshes are those of the first environment
+                        replace(shape, materials=[self._looks.material(part.material)])
+                        for shape, (part, _) in zip(first, parts(entity), strict=True)
+                    ]
             self.bodies.add(name, own, semantic_id=entities[0].per_scene_id)
             self._places[name] = (struct, environments)
         # Poses [E, bodies, 7] on the simulation's device.
@@ -179,11 +181,12 @@ _MM = 1000.0
 _FARTHEST_MM = 32767.0
 
 
+@dataclass
 class Observations:
     """Makes observations from a batch's last picture and depth, on the rendering GPU (on_cuda) or on the host."""
 
-    def __init__(self, sensors: StereoDepthSensorBatch, on_cuda: bool) -> None:
-        self.sensors, self._on_cuda = sensors, on_cuda
+    sensors: StereoDepthSensorBatch
+    on_cuda: bool
 
     def rgb(self) -> torch.Tensor:
         """Returns the colour images, uint8 [E, height, width, 3]."""
@@ -209,7 +212,7 @@ class Observations:
 
     def _image(self, name: str) -> torch.Tensor:
         """Returns the sensors' get_<name>() on the device of the observations."""
-        if self._on_cuda:
+        if self.on_cuda:
             return cuda_tensor(self.sensors.get_cuda(name))
         return torch.from_numpy(getattr(self.sensors, f"get_{name}")())
 
@@ -221,16 +224,17 @@ class Observations:
         return torch.from_numpy(np.ascontiguousarray(rays, np.float32)).to(self._image("depth").device)
 
 
+@dataclass
 class _CameraMounts:
     """Reads the poses of a ManiSkill camera in all environments, as a batch's mounts."""
 
-    def __init__(self, camera: Any, scene: kuafu.Scene) -> None:
-        self._camera, self.scene = camera, scene
+    camera: Any
+    scene: kuafu.Scene
 
     @property
     def poses(self) -> torch.Tensor:
         """Returns the poses [E, 7], position and quaternion, axes x forward, y left, z up."""
-        return self._camera.get_global_pose().raw_pose
+        return self.camera.get_global_pose().raw_pose
 
 
 class StereoDepthCamera(Camera):

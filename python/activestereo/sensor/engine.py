@@ -109,7 +109,9 @@ class SensorEngine:
                 self._render("rgb", cameras, picture.rgb.targets, taken, part_of(progress, 0.0, share), seen)
                 picture.has_rgb = True
             cameras, seen = self.rig.ir_cameras(rigs), self.rig.infrared()
-            targets = picture.link.targets(taken.is_laser_apart)
+            targets = {"radiance": picture.link.target}
+            if taken.is_laser_apart:
+                targets["projector"] = picture.link.laser().target
             if self.image_effects is None or not self.image_effects.make_light:
                 self._render("ir", cameras, targets, taken, part_of(progress, share, 1.0), seen)
         finally:

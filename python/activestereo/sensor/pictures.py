@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 import kuafu
 import simsense
 from activestereo.camera.auto_exposure import AutoExposure, Setting
+from activestereo.common.computed_once import computed_once
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.sensor.cuda_memory import CudaArray, CudaMemory
 
@@ -46,7 +47,6 @@ class IrLink:
         count: int = 1,
     ) -> None:  # fmt: skip
         self._beside = partial(IrLink, renderer_device, engine_device, width, height, count)
-        self._laser: IrLink | None = None
         self._size, self._image_bytes, self.count = (height, width), 4 * height * width, count
         shape = (2 * count, height, width, 1)
         size_bytes = 4 * int(np.prod(shape))
@@ -62,15 +62,10 @@ class IrLink:
         side_shape = (height, width) if count == 1 else (count, height, width)
         self.left, self.right = (self._sink.image(np.float32, side_shape, side * size_bytes // 2) for side in (0, 1))
 
+    @computed_once
     def laser(self) -> IrLink:
         """Returns a second link for images of the projector's light alone; it is made on first use."""
-        if self._laser is None:
-            self._laser = self._beside()
-        return self._laser
-
-    def targets(self, is_laser_apart: bool) -> dict[str, kuafu.Image]:
-        """Returns {kuafu's output: image to render into}. is_laser_apart: also render the projector's light alone."""
-        return {"radiance": self.target} | ({"projector": self.laser().target} if is_laser_apart else {})
+        return self._beside()
 
     def lasers(self, is_laser_apart: bool) -> dict[str, simsense.Image]:
         """Returns simsense.Engine.compute()'s arguments for the projector's light, which has speckle. Without

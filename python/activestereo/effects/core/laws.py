@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -30,7 +31,7 @@ def broken_laws(effect: Effect) -> list[str]:
     view = example_view()
     value = example_value(effect.stage, view)
     try:
-        given = effect(_copy(value), view, **effect.typical_values)
+        given = effect(deepcopy(value), view, **effect.typical_values)
     except Exception as error:  # a user's function may raise anything
         last = traceback.extract_tb(error.__traceback__)[-1]
         said = f"fails at {Path(last.filename).name}, line {last.lineno}: {type(error).__name__}: {error}"
@@ -59,12 +60,14 @@ def example_view(side: str = "right") -> View:
         id=0, left_path=None, right_path=None, timestamp_s=2.003, exposure_s=0.004, camera_to_world=pose,
         split="train", gain=2.0, temperature_c=45.0, camera_velocity=np.array([0.5, 0.1, 0.2, 0.1, 0.6, 0.3]),
     )  # fmt: skip
+    at_v, at_u = np.mgrid[0:140, 0:200]
+    dots = 0.03 + 0.9 * np.exp(-(((at_u % 9) - 4) ** 2 + ((at_v % 7) - 3) ** 2) / 2.5)
     return View(
         side=side,
         K=np.array([[60.0, 0, (width - 1) / 2], [0, 60.0, (height - 1) / 2], [0, 0, 1]]),
         depth_m=depth,
         normal=normal,
-        pattern=_dots((140, 200)),
+        pattern=dots.astype(np.float32),
         projector_K=np.array([[110.0, 0, 99.5], [0, 110.0, 69.5], [0, 0, 1]]),
         camera_to_projector=left_to_projector @ np.linalg.inv(left_to_camera),
         left_to_camera=left_to_camera,
@@ -72,11 +75,6 @@ def example_view(side: str = "right") -> View:
         material=slanted.astype(np.uint32),
         before=1.02 * 60.0 * 0.05 / depth * ((u + 3 * v) % 19 > 0),
     )
-
-
-def _dots(shape: tuple[int, int]) -> np.ndarray:
-    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
-    return (0.03 + 0.9 * np.exp(-(((u % 9) - 4) ** 2 + ((v % 7) - 3) ** 2) / 2.5)).astype(np.float32)
 
 
 def example_value(stage: Stage, view: View) -> Light | np.ndarray:
@@ -102,10 +100,6 @@ def _arrays(value: Any) -> np.ndarray:
     return value.images if isinstance(value, Light) else value
 
 
-def _copy(value: Any) -> Any:
-    return Light.of_images(value.images) if isinstance(value, Light) else value.copy()
-
-
 def _same(a: np.ndarray, b: np.ndarray, tolerance: float = 0.0) -> bool:
     a, b = _arrays(a), _arrays(b)
     return a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance * max(1.0, np.abs(a).max()))
@@ -113,7 +107,7 @@ def _same(a: np.ndarray, b: np.ndarray, tolerance: float = 0.0) -> bool:
 
 def _broken(effect: Effect, value: Any, view: View) -> Iterator[str]:
     """Yields a sentence for each broken law, in the order of the head of this file."""
-    base, given = effect.typical_values, _copy(value)
+    base, given = effect.typical_values, deepcopy(value)
     if not _same(effect(value, view, **effect.neutral_values), value, 1e-6):
         yield "neutral parameters change the image"
     first = effect(given, view, **base)

@@ -161,13 +161,11 @@ class PlaneMatch:
         pose that decreases chi squared most. size: edge of the first simplex, metres and radians. trials: the largest
         number of poses to evaluate."""
         towards = pose[3:5]
-
-        def loss(x: np.ndarray) -> float:
-            return -self.best(seen, np.array([*x[:3], *towards, x[3]]))[0]
-
         x0 = np.array([*pose[:3], pose[5]])
-        simplex = np.stack([x0, *(x0 + size * np.eye(4))])
-        found = minimize(loss, x0, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": trials}).x
+        options = {"initial_simplex": np.stack([x0, *(x0 + size * np.eye(4))]), "maxfev": trials}
+        found = minimize(
+            lambda x: -self.best(seen, np.array([*x[:3], *towards, x[3]]))[0], x0, method="Nelder-Mead", options=options
+        ).x
         return self.best(seen, np.array([*found[:3], *towards, found[3]]))[2]
 
 

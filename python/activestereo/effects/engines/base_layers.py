@@ -158,14 +158,13 @@ def traced_layers(world: LoadedScene, request: RenderRequest, progress: Progress
         few = _share(request, FLAT_SHARE)
         single = world.images(cameras, ("projector_direct", "ambient"), few, 0, seed=request.seed)
     images |= {"flat": single["projector_direct"], "ambient_direct": single["ambient"]}
-    light = *LIGHT, "flat"
-
-    def layers(view: dict[str, NDArray]) -> Layers:
-        direct, indirect, ambient, flat, depth_m = (view[n][..., 0].astype(np.float32) for n in (*light, "depth"))
+    out = []
+    for view in world.views(images, cameras):
+        names = *LIGHT, "flat", "depth"
+        direct, indirect, ambient, flat, depth_m = (view[name][..., 0].astype(np.float32) for name in names)
         material, above = view["material_id"][..., 0].copy(), view["ambient_direct"][..., 0].astype(np.float32)
-        return Layers(direct, indirect, ambient, flat, depth_m, view["normal"].copy(), material, above)
-
-    return tuple(map(layers, world.views(images, cameras)))
+        out.append(Layers(direct, indirect, ambient, flat, depth_m, view["normal"].copy(), material, above))
+    return tuple(out)
 
 
 def matt_layers(

@@ -94,12 +94,9 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
     """Returns two indices (rows, columns) into an image of this shape: the samples that have a neighbour at offset
     (down, right), and those neighbours."""
-
-    def axis(size: int, shift: int) -> tuple[slice, slice]:
-        return slice(max(0, -shift), size - max(0, shift)), slice(max(0, shift), size - max(0, -shift))
-
-    (row, row_there), (column, column_there) = axis(shape[0], down), axis(shape[1], right)
-    return (row, column), (row_there, column_there)
+    axes = tuple(zip(shape, (down, right), strict=True))
+    here = tuple(slice(max(0, -shift), size - max(0, shift)) for size, shift in axes)
+    return here, tuple(slice(max(0, shift), size - max(0, -shift)) for size, shift in axes)
 
 
 # Rougher surfaces have no highlight that would move through bounced light.

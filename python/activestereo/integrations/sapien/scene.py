@@ -103,11 +103,6 @@ class Looks:
             out.append(Shape(mesh, [self.material(material)], to_body))
         return out
 
-    def materials(self, entity: Any) -> list[int]:
-        """Returns the scene's material numbers of an entity's shapes, in the order of shapes(). It adds materials but
-        no meshes: use it if the meshes are in the scene already."""
-        return [self.material(part.material) for part, _ in parts(entity)]
-
     def material(self, material: Any) -> int:
         if isinstance(material, kuafu.Material):
             return self._scene.add_material(material)

@@ -361,10 +361,11 @@ class GBufferStereo:
         own_light: dict[str, Any] = dict(link.lasers(inputs.speckle_of_laser)) | {"noise_seeds": self._seeds}
         found: dict[str, Any]
         if self._on_cuda is None:
-            found = self._batched(engine.compute(link.left, link.right, names, **own_light))
+            maps = engine.compute(link.left, link.right, names, **own_light)
+            found = {name: image.reshape(self.shape) for name, image in maps.items()}
         else:
-            maps = self._on_cuda.compute(names, lambda new: engine.compute(link.left, link.right, new, **own_light))
-            found = {name: one.array(self.shape) for name, one in maps.items()}
+            on_cuda = self._on_cuda.compute(names, lambda new: engine.compute(link.left, link.right, new, **own_light))
+            found = {name: one.array(self.shape) for name, one in on_cuda.items()}
         if wants_cause:
             depths, lit_shares = (
                 np.asarray(
@@ -410,6 +411,3 @@ class GBufferStereo:
         elif not getattr(material, "is_cuda", False):
             numbers, depth = (host_image(whose + name, given[name], self.input_shape) for name in ("material", "depth"))
             self._materials.require_known(numbers, depth)
-
-    def _batched(self, found: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        return {name: image.reshape(self.shape) for name, image in found.items()}
