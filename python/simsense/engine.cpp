@@ -319,10 +319,12 @@ py::tuple mapped(const Doubles& x, const Doubles& y, const std::vector<double>& 
   const ks_lens lens = read_lens(distortion, model);
   const double last_radius2 = ks::lens_fold(lens).last_radius2;
   Doubles to_x(shape), to_y(shape);
+  const double *from_x = x.data(), *from_y = y.data();
+  double *out_x = to_x.mutable_data(), *out_y = to_y.mutable_data();
   for (py::ssize_t i = 0; i < x.size(); ++i) {
-    const auto to = map(lens, x.data()[i], y.data()[i], last_radius2);
-    to_x.mutable_data()[i] = to.x;
-    to_y.mutable_data()[i] = to.y;
+    const auto to = map(lens, from_x[i], from_y[i], last_radius2);
+    out_x[i] = to.x;
+    out_y[i] = to.y;
   }
   return py::make_tuple(to_x, to_y);
 }

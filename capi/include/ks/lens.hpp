@@ -108,11 +108,11 @@ inline LensRay undistorted(const ks_lens& lens, double x, double y, double last_
     return {x * scale, y * scale, angle < 1.57079632 && std::abs(fisheye_radius(lens, angle).value - radius) < 1e-9};
   }
   LensRay ray{x, y, false};
-  const double close_enough = 1e-13 * (1 + std::hypot(x, y));
+  const double close_enough = 1e-13 * (1 + std::sqrt(x * x + y * y)), close_enough2 = close_enough * close_enough;
   for (int i = 0; i < steps && !ray.exists; ++i) {
     const LensImage now = distorted(lens, ray.x, ray.y, last_radius2);
     const double ex = x - now.x, ey = y - now.y, determinant = now.xx * now.yy - now.xy * now.xy;
-    ray.exists = std::hypot(ex, ey) < close_enough;
+    ray.exists = ex * ex + ey * ey < close_enough2;
     if (ray.exists || !(determinant > 0)) break;
     ray.x += (now.yy * ex - now.xy * ey) / determinant;
     ray.y += (now.xx * ey - now.xy * ex) / determinant;
