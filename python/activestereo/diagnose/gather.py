@@ -179,7 +179,8 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
     """Returns the Evidence with noise and weights of the train images estimated again under a model. rows: residuals of
     the train images under that model."""
     train, expected = evidence.train, {row.observation.key: row.expected for row in rows}
-    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, black_dn) - black_dn for o in train}
+    above_dn = max(black_dn, 0.0)  # digital numbers end at 0, so a black level below would pass for dark signal
+    dark = {o.key: model.digital(np.zeros(o.view.shape), o.view, above_dn) - above_dn for o in train}
     noise_model, variances = evidence.noise_model, evidence.noise_variances
     lit_train = [replace(o, measured=o.measured - dark[o.key]) for o in train]
     lit = {key: image - dark[key] for key, image in expected.items()}

@@ -200,7 +200,8 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     measured = np.concatenate([p.measured for p in pixels])
     value = measured - linear.residual / np.maximum(weight, 1e-12) - solution.phi[SCALES - 1]
     nodes = np.geomspace(max(np.quantile(value, 0.02), 1.0), pixels[0].observation.view.max_dn, _NODES)
-    curve = np.stack([np.interp(value, nodes, row) * weight for row in np.eye(_NODES)])
+    nodes = np.append(0.0, nodes)  # no light gives no signal: an offset there would pass for dark signal
+    curve = np.stack([np.interp(value, nodes, row) * weight for row in np.eye(_NODES + 1)[1:]])
     # In double precision: scales and black level are nearly curves themselves.
     columns = np.concatenate([linear.nuisances[own:], curve], dtype=np.float64)
     gram = columns @ columns.T
@@ -209,7 +210,7 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     norm = np.sqrt(np.diag(gram) + prior)
     moment = (columns @ linear.residual - pull) / norm
     step = np.linalg.lstsq((gram + np.diag(prior)) / np.outer(norm, norm), moment, rcond=1e-9)[0] / norm
-    bent = _Curve(effect, nodes, step[-_NODES:]).bent()
+    bent = _Curve(effect, nodes, np.append(0.0, step[-_NODES:])).bent()
     values = next(values for e, values in solution.model.effects if e is effect)
     space = ParameterSpace.of(solution.model.with_effect(bent, **values))
     return fitter.refine(space, space.start, solution.phi, _CURVE_STEPS)

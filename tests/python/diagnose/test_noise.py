@@ -11,6 +11,7 @@ import pytest
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.nuisances import Nuisances
+from activestereo.compare.noise import NoiseModel
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fitter import ImageResidual
@@ -134,3 +135,13 @@ def test_the_floor_is_that_of_the_noise_alone(warming: tuple[Evidence, Images, I
         assert after.weight.mean() > 2.0 * before.weight.mean()
     unexplained = weighed(evidence, Model(), steady)  # no difference of repeats
     assert unexplained.noise_variances == pytest.approx(evidence.noise_variances, rel=1e-4)
+
+
+def test_a_black_level_below_zero_is_no_dark_signal(warming: tuple[Evidence, Images, Images]) -> None:
+    """Digital numbers end at 0, so that without light they differ from such a black level."""
+    evidence, true, _ = warming
+    evidence = replace(evidence, has_floor=False, noise_model=NoiseModel(1.0, 0.1, 0.0, black_dn=0.0))
+    rows = [ImageResidual(o, true[o.key], o.measured, o.measured - true[o.key]) for o in evidence.train]
+    below, at_zero = (weighed_again(evidence, Model(), black_dn, rows) for black_dn in (-3.0, 0.0))
+    for one, other in zip(below.train, at_zero.train, strict=True):
+        np.testing.assert_array_equal(one.weight, other.weight)
