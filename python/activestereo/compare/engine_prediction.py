@@ -57,13 +57,13 @@ def engine_changes(
     usual, cache = max(1, (samples_per_pixel or usual_samples(capture)) // 8), LayerCache()
     frames = capture.split("train")
     renderer = functools.cache(lambda samples: CaptureRenderer(device, usual * samples, max_bounces, seed))
-    base = functools.cache(lambda samples: kept_lights(capture, renderer(samples), cache, Model(), frames))
+    base = functools.cache(lambda renderer: kept_lights(capture, renderer, cache, Model(), frames))
 
     def changes(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
         if all(set(effect.engine_fields) <= _ADDED for effect, _ in model.effects):
             return _kept_added_light(capture, renderer(samples), cache, model, frames)
-        lights = kept_lights(capture, renderer(samples), cache, model, frames)
-        return {key: image - base(samples)[key] for key, image in lights.items()}
+        by = renderer(samples).filtering_alike(capture, model, frames)
+        return {key: image - base(by)[key] for key, image in kept_lights(capture, by, cache, model, frames).items()}
 
     return changes
 
@@ -126,6 +126,7 @@ def engine_lights(
     renders."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
+    renderer = renderer.filtering_alike(capture, traced, capture.frames)
 
     def render(half: int, model: Model, known: SceneMeasurement | None, step: int) -> Mapping[ImageKey, NDArray]:
         share = part_of(progress, (2 * half + step) / 4, (2 * half + step + 1) / 4)

@@ -16,7 +16,7 @@ from activestereo.cli import main
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.effect_trials import Trial, trial_capture
-from activestereo.compare.engine_prediction import kept_lights
+from activestereo.compare.engine_prediction import engine_changes, kept_lights
 from activestereo.compare.nuisances import Nuisances
 from activestereo.effects import Light, Model, View, builtin, known_differences
 from activestereo.effects.core.view import Layers
@@ -80,6 +80,29 @@ def test_the_true_model_leaves_the_noise(hidden):
     assert rmse_of(hidden, Model()) > 4 * floor
     # The renderer's own noise differs between the seeds.
     assert rmse_of(hidden, model_of(**HIDDEN), SCENE_MEASUREMENT) < 1.5 * floor
+
+
+@pytest.mark.parametrize(
+    "effect, values",
+    [
+        ("specular", {"factor": 1e-5, "roughness": 0.4}),
+        ("specular", {"factor": 1e-5, "roughness": 0.15}),
+        ("transmission", {"fraction": 1e-5}),
+        ("subsurface", {"fraction": 1e-5}),
+    ],
+)
+def test_next_to_no_gloss_changes_next_to_nothing(nominal, effect, values):
+    """Light is filtered with an effect as without it; else the difference would show the edges of surfaces."""
+    change = engine_changes(nominal, "auto", 64, BOUNCES, 0)(Model().with_effect(EFFECTS[effect], **values))
+    light = kept_lights(
+        nominal,
+        CaptureRenderer(samples_per_pixel=8, max_bounces=BOUNCES),
+        LayerCache(),
+        Model(),
+        nominal.split("train"),
+    )
+    for key, images in change.items():
+        assert np.square(images).mean() < 1e-3 * np.square(light[key]).mean()
 
 
 def test_figures_do_not_depend_on_what_lies_in_the_folder(hidden, tmp_path):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import kuafu
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
+from activestereo.common.computed_once import computed_once
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.effects.core.engine import EngineInputs, apply_engine
 from activestereo.effects.core.model import Model, Nuisances
@@ -41,7 +42,7 @@ from activestereo.effects.engines.capture_inputs import (
 )
 from activestereo.effects.engines.layers import RenderRequest, scene_digest
 from activestereo.effects.engines.loaded_scene import BOUNCED_VERSION, GEOMETRY, LIGHT, LoadedScene, engine_version
-from activestereo.effects.engines.smooth import SMOOTH_VERSION, halves
+from activestereo.effects.engines.smooth import SMOOTH_VERSION, halves, is_filtered
 
 # Lights that effects add have a light group of their own, since only the room's light is scaled.
 _ADDED_GROUP = 1
@@ -118,6 +119,16 @@ class CaptureRenderer:
             if may_be_matt and is_matt_world(world.scene, world.room is not None):
                 return matt_layers(world, request, self._first, progress)
             return traced_layers(world, request, progress)
+
+    def filtering_alike(self, capture: Capture, model: Model, frames: Sequence[Frame]) -> CaptureRenderer:
+        """Returns the renderer for the difference that a model makes to light. Filters blur the edges of surfaces a
+        little. If they leave out surfaces of the model, the difference would show the edges, so it is unfiltered."""
+        [(_, inputs)] = self.inputs(capture, model, frames[:1], None)
+        return self if all(map(is_filtered, inputs.materials.values())) else self._unfiltered()
+
+    @computed_once
+    def _unfiltered(self) -> CaptureRenderer:
+        return CaptureRenderer(self.device, self.samples_per_pixel, self.max_bounces, self.seed, smooth=False)
 
     def inputs(
         self, capture: Capture, model: Model, frames: Iterable[Frame] | None, scene_measurement: SceneMeasurement | None

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import kuafu
 
 # Part of cache keys: increase it whenever the filter changes.
-SMOOTH_VERSION = 6
+SMOOTH_VERSION = 7
 
 # Cubic B-spline, 5 taps.
 _TAPS = np.array([1, 4, 6, 4, 1]) / 16.0
@@ -100,7 +100,7 @@ def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
 
 
 # Rougher surfaces have no highlight that would move through bounced light.
-_MATT_ROUGHNESS = 0.5
+_MATT_ROUGHNESS = 0.2
 _EVEN = ("ambient", "ambient_direct")
 # Under subsurface scattering these images hold the dots.
 _BOUNCED = ("projector_indirect", "added_indirect")
@@ -119,11 +119,16 @@ def smooth_view(
     points = np.where(depth_m[..., None] > 0, view["position"], 0.0)
     geometry = Surfaces.of(depth_m, view["normal"], points, material)
     smooth = smooth_bounced(np.stack(list(light.values())), geometry, camera.k[0, 0])
-    is_opaque = is_matt & np.isin(material, [number for number, m in surfaces.items() if m.subsurface == 0])
+    is_opaque = np.isin(material, [number for number, m in surfaces.items() if is_filtered(m)])
     return view | {
         name: np.where(is_matt if name in _EVEN else is_opaque, filtered, raw)[..., None]
         for (name, raw), filtered in zip(light.items(), smooth, strict=True)
     }
+
+
+def is_filtered(m: kuafu.Material) -> bool:
+    """Returns whether all bounced and ambient light of a surface is filtered."""
+    return is_matt_surface(m) and m.subsurface == 0
 
 
 def is_matt_surface(m: kuafu.Material) -> bool:
