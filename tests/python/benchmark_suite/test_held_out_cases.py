@@ -20,6 +20,7 @@ from virtual_sensor.held_out.files import SURVEY
 from virtual_sensor.held_out.lightmap import Lightmap
 from virtual_sensor.held_out.scene import draw_scene, texel_spacing
 from virtual_sensor.held_out.more import more_frames
+from virtual_sensor.held_out.specular import reflected_share
 from virtual_sensor.held_out.optics import shading
 from virtual_sensor.held_out.case import SIDES, RAY_EFFECTS, Case
 from virtual_sensor.held_out.mitsuba_case import NOT_RENDERED, MitsubaCase
@@ -58,6 +59,14 @@ def test_white_surfaces_under_a_white_sky_vanish():
     )
     lightmap = Lightmap(solids, pcg64(1), [0.03, 0.02, 0.02, 0.02])
     np.testing.assert_allclose(lightmap.ambient()[lightmap.exposed], 1.0, atol=0.02)
+
+
+def test_a_coat_reflects_no_more_light_than_arrives():
+    cosines = np.linspace(0.03, 1.0, 30)
+    for roughness in (0.1, 0.25, 0.4):
+        mirror, varnish = (reflected_share(cosines, f0, roughness) for f0 in (1.0, 0.05))
+        assert mirror.max() < 1.001 and mirror.min() > 0.9
+        assert varnish[-1] == pytest.approx(0.05, rel=0.02) and (np.diff(varnish) < 0).all()
 
 
 def test_a_ball_on_the_table_darkens_it_by_the_balls_form_factor():

@@ -102,11 +102,13 @@ def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambien
     if "ambient_ir" in world.hidden:
         lights[4][hit] = albedo * _lamp(world, points, n, **world.hidden["ambient_ir"])
     if "specular" in world.hidden:
-        dots, sky, keep = glints(world, frame, directions[hit], points, n, i, poses, row[hit], ambient)
+        lit = lambda at, facing, rows: projector_irradiance(world, frame, at, facing, poses, rows, coarse=True)  # noqa: E731
+        mirror = directions[hit], points, n, i, poses, row[hit], bounced, ambient, lit
+        *added, keep = glints(world, frame, *mirror)
         for k in range(5):
             lights[k][hit] *= keep
-        lights[0][hit] += dots
-        lights[2][hit] += sky
+        for k, light in enumerate(added):
+            lights[k][hit] += light
     return lights
 
 
