@@ -16,8 +16,15 @@ from activestereo.common.optional import imported
 ROSBAGS = "rosbags", "rosbags is missing: pip install rosbags"
 
 
+def header_message(make: Callable[..., Any], time_ns: int, axes: str) -> Any:
+    """Makes a std_msgs/msg/Header. axes: the frame_id. make(type, **fields): makes a message."""
+    stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
+
+
 def image_message(make: Callable[..., Any], header: Any, pixels: NDArray[Any], encoding: str) -> Any:
-    """Makes a sensor_msgs/msg/Image of pixels [height, width(, channels)]. make(type, **fields): makes a message."""
+    """Makes a sensor_msgs/msg/Image of pixels [height, width(, channels)]. make: as in
+    header_message()."""
     return make(
         "sensor_msgs/msg/Image",
         header=header,
@@ -36,7 +43,7 @@ def camera_info_message(
 ) -> Any:  # fmt: skip
     """Makes a sensor_msgs/msg/CameraInfo. k: [3, 3], pixels. distortion: k1 k2 p1 p2 k3. tx, ty: the last column of P,
     pixels times metres; for a right camera tx is minus the focal length times the baseline. make: as in
-    image_message()."""
+    header_message()."""
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return make(
         "sensor_msgs/msg/CameraInfo",

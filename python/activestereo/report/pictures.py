@@ -80,11 +80,9 @@ class _Page:
         height = self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below
         self._size = self._inner + 2 * self.MARGIN + 0.3, height
         self.figure = Figure(figsize=self._size, facecolor="white")
-        self._text(0.42, escape_dollars(title), fontsize=18, weight="bold", color=INK)
-        self._text(0.76, subtitle, fontsize=12, color=MUTED)
-
-    def _text(self, top: float, text: str, **style: Any) -> None:
-        self.figure.text(self.MARGIN / self._size[0], 1.0 - top / self._size[1], text, va="center", **style)
+        left, title_at, subtitle_at = self.MARGIN / self._size[0], 1.0 - 0.42 / height, 1.0 - 0.76 / height
+        self.figure.text(left, title_at, escape_dollars(title), va="center", fontsize=18, weight="bold", color=INK)
+        self.figure.text(left, subtitle_at, subtitle, va="center", fontsize=12, color=MUTED)
 
     def _axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
         w, h = self._size

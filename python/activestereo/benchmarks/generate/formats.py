@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
 from activestereo.common.input_files import read_json
-from activestereo.common.mcap_file import ROSBAGS, McapFile, camera_info_message, image_message
+from activestereo.common.mcap_file import ROSBAGS, McapFile, camera_info_message, header_message, image_message
 from activestereo.common.optional import imported
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -82,11 +82,6 @@ def write_mcap(out: Path, count: int, to: Path) -> None:
 
 def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> None:
     time_ns = frame.number * 10**9 // FRAMES_PER_S
-    stamp = file.make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-
-    def header(axes: str) -> Any:
-        return file.make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
-
     left, right = infrared["ir_left"], infrared["ir_right"]
     lens, none = [0.0] * 5, 0.0
     streams: tuple[tuple[Any, ...], ...] = (
@@ -99,9 +94,10 @@ def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> Non
     for name, image, pixels, encoding, axes, k, distortion, tx in streams:
         topic = f"/camera/{name}"
         encoding = encoding or ("mono8" if pixels.dtype == np.uint8 else "mono16")
-        message = image_message(file.make, header(axes), pixels, encoding)
+        header = header_message(file.make, time_ns, axes)
+        message = image_message(file.make, header, pixels, encoding)
         file.write(f"{topic}/{image}", "sensor_msgs/msg/Image", message, time_ns)
-        info = camera_info_message(file.make, header(axes), pixels.shape[0], pixels.shape[1], k, distortion, tx)
+        info = camera_info_message(file.make, header, pixels.shape[0], pixels.shape[1], k, distortion, tx)
         file.write(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns)
     x, y, z, w = Rotation.from_matrix(frame.camera_to_world[:3, :3]).as_quat()
     at = dict(zip("xyz", map(float, frame.camera_to_world[:3, 3]), strict=True))
@@ -110,8 +106,8 @@ def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> Non
         position=file.make("geometry_msgs/msg/Point", **at),
         orientation=file.make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w)),
     )
-    kind = "geometry_msgs/msg/PoseStamped"
-    file.write("/camera/pose", kind, file.make(kind, header=header("world"), pose=pose), time_ns)
+    kind, header = "geometry_msgs/msg/PoseStamped", header_message(file.make, time_ns, "world")
+    file.write("/camera/pose", kind, file.make(kind, header=header, pose=pose), time_ns)
 
 
 def _lens(camera: dict[str, Any]) -> tuple[NDArray[np.float64], list[float]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.camera.advanced_mode.settings import parse_settings
+from activestereo.common.computed_once import computed_once
 from activestereo.integrations.realsense.camera import SimulatedCamera, World, sensor_ranges
 from activestereo.integrations.realsense.frames import (
     StreamRequest,
@@ -273,15 +274,13 @@ class pipeline:
     long its computation takes."""
 
     def __init__(self, ctx: context | None = None) -> None:
-        self._device: device | None = None
         self._profile: pipeline_profile | None = None
         self._number = 0
         self._random = np.random.default_rng(0)
 
+    @computed_once
     def device(self) -> device:
-        if self._device is None:
-            self._device = device()
-        return self._device
+        return device()
 
     def start(self, *args: Any) -> pipeline_profile:
         """Starts the streams of a config, or depth and colour without one, and returns their profile. A frame_queue, if

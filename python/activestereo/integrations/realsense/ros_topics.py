@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.common.mcap_file import McapFile, camera_info_message, image_message
+from activestereo.common.mcap_file import McapFile, camera_info_message, header_message, image_message
 from activestereo.integrations.realsense.frames import composite_frame, video_stream_profile
 from activestereo.integrations.realsense.options import format, frame_metadata_value, stream, timestamp_domain
 
@@ -57,7 +57,7 @@ def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]
     for key, one in streams.items():
         name, image_topic = _STREAMS[key]
         topic, time_ns, profile = f"{_NODE}/{name}", round(1e6 * one.timestamp), one.profile
-        header = _header(time_ns, _axes(name), make)
+        header = header_message(make, time_ns, _axes(name))
         # 1. The image.
         if profile.format() not in _ENCODINGS:
             raise ValueError(f"{profile.stream_name()} is {profile.format().name}, which has no ROS encoding")
@@ -71,7 +71,7 @@ def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]
         if key == _RIGHT and _LEFT in streams:
             there = profile.get_extrinsics_to(streams[_LEFT].profile).translation
             tx, ty = 0.0 - lens.fx * there[0], 0.0 - lens.fy * there[1]
-            info_header = _header(time_ns, _axes(_STREAMS[_LEFT][0]), make)
+            info_header = header_message(make, time_ns, _axes(_STREAMS[_LEFT][0]))
         k = np.array([[lens.fx, 0, lens.ppx], [0, lens.fy, lens.ppy], [0, 0, 1]], np.float64)
         message = camera_info_message(make, info_header, lens.height, lens.width, k, lens.coeffs, tx, ty)
         yield f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", message, time_ns, *_INFO
@@ -90,11 +90,6 @@ def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]
 
 def _axes(name: str) -> str:
     return f"camera_{name}_optical_frame"
-
-
-def _header(time_ns: int, axes: str, make: Callable[..., Any]) -> Any:
-    stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-    return make("std_msgs/msg/Header", stamp=stamp, frame_id=axes)
 
 
 def _places(profiles: dict[Key, video_stream_profile], make: Callable[..., Any]) -> Iterator[Published]:
@@ -123,7 +118,7 @@ def _places(profiles: dict[Key, video_stream_profile], make: Callable[..., Any])
                 quaternion = dict(zip("xyzw", map(float, rotation), strict=True))
                 rotated = make("geometry_msgs/msg/Quaternion", **quaternion)
                 moved = make("geometry_msgs/msg/Transform", translation=offset, rotation=rotated)
-                fields = {"header": _header(0, parent, make), "child_frame_id": child, "transform": moved}
+                fields = {"header": header_message(make, 0, parent), "child_frame_id": child, "transform": moved}
                 tree.append(make("geometry_msgs/msg/TransformStamped", **fields))
     kind = "tf2_msgs/msg/TFMessage"
     yield "/tf_static", kind, make(kind, transforms=tree), 0, *_LATCHED

@@ -51,11 +51,7 @@ _BUSY = f"this server is busy: it takes {_MOST_CALLS} calls on {_MOST_CONNECTION
 
 
 class Refused(Exception):
-    """Reports a refused request with its HTTP status; the text is one line with the reason."""
-
-    def __init__(self, status: HTTPStatus, text: str) -> None:
-        super().__init__(text)
-        self.status = status
+    """Reports a refused request. args: its HTTP status, and one line with the reason."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,8 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             content, kind = make(self.server.guard.inner_path(self.path, self.headers))
         except Refused as refusal:
-            self._send(refusal.status, str(refusal).encode(), "text/plain")
+            status, reason = refusal.args
+            self._send(status, reason.encode(), "text/plain")
             return
         except (ValueError, OSError, RuntimeError) as error:
             text = " ".join(str(error).split()).encode(errors="backslashreplace")  # JSON may hold half a character
