@@ -167,29 +167,26 @@ class _Fit:
     def run(self, steps: int) -> None:
         """Makes Gauss-Newton steps. After each, the smooth part of the residual moves to the background."""
         for _ in range(steps):
-            self._step()
+            pixel, du, dv, gauss = self._patches()
+            count, of = len(self.u), np.repeat(np.arange(len(self.u)), gauss.shape[1])
+            high = self.amplitude[:, None] * gauss / self.sigma**2
+            wide = high * (du**2 + dv**2) / self.sigma
+            values = np.concatenate([gauss.ravel(), (high * du).ravel(), (high * dv).ravel(), wide.ravel()])
+            columns = np.concatenate([of, of + count, of + 2 * count, np.full(of.size, 3 * count)])
+            places, shape = (np.tile(pixel.ravel(), 4), columns), (self.image.size, 3 * count + 1)
+            weighted = diags(self.weight.ravel()) @ csr_matrix((values, places), shape=shape)
+            # Columns of equal norm, with which the solver needs few steps.
+            size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
+            left = (self.weight * self.residual()).ravel()
+            step = lsqr(weighted @ diags(1.0 / size), left, damp=0.02, iter_lim=_LSQR_STEPS)[0] / size
+            self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
+            height, width = self.image.shape
+            outside = _OUTSIDE * self.sigma
+            u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+            v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
+            self.u, self.v = u.clip(-outside, width - 1 + outside), v.clip(-outside, height - 1 + outside)
+            self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
             self.background = self.background + gaussian_filter(self.residual(), 6.0 * self.sigma)
-
-    def _step(self) -> None:
-        pixel, du, dv, gauss = self._patches()
-        count, of = len(self.u), np.repeat(np.arange(len(self.u)), gauss.shape[1])
-        high = self.amplitude[:, None] * gauss / self.sigma**2
-        wide = high * (du**2 + dv**2) / self.sigma
-        values = np.concatenate([gauss.ravel(), (high * du).ravel(), (high * dv).ravel(), wide.ravel()])
-        columns = np.concatenate([of, of + count, of + 2 * count, np.full(of.size, 3 * count)])
-        jacobian = csr_matrix((values, (np.tile(pixel.ravel(), 4), columns)), shape=(self.image.size, 3 * count + 1))
-        weighted = diags(self.weight.ravel()) @ jacobian
-        # Columns of equal norm, with which the solver needs few steps.
-        size = np.sqrt(np.asarray(weighted.multiply(weighted).sum(axis=0)).ravel()) + 1e-9
-        left = (self.weight * self.residual()).ravel()
-        step = lsqr(weighted @ diags(1.0 / size), left, damp=0.02, iter_lim=_LSQR_STEPS)[0] / size
-        self.amplitude = np.maximum(self.amplitude + step[:count], 0.05)
-        height, width = self.image.shape
-        outside = _OUTSIDE * self.sigma
-        u = self.u + np.clip(step[count : 2 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
-        v = self.v + np.clip(step[2 * count : 3 * count], -_LARGEST_STEP_PX, _LARGEST_STEP_PX)
-        self.u, self.v = u.clip(-outside, width - 1 + outside), v.clip(-outside, height - 1 + outside)
-        self.sigma = float(np.clip(self.sigma + np.clip(step[-1], -0.1, 0.1), 0.4, 8.0))
 
     def drop_weak(self) -> None:
         """Drops spots far weaker than their neighbours or within the noise, and merges spots closer than 0.9 sigma."""

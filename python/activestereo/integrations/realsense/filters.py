@@ -373,8 +373,7 @@ class points(frame):
 class pointcloud:
     """Computes a 3D point for each pixel of a depth frame."""
 
-    def __init__(self) -> None:
-        self._mapped: frame | None = None
+    _mapped: frame | None = None
 
     def map_to(self, mapped: frame) -> None:
         """Sets the frame, such as a colour image, to whose pixels the texture coordinates of later points refer."""
