@@ -53,21 +53,22 @@ def missing(rest: Remainder, numbers: Numbers) -> float:
     `structure` must be near 0. The same holds if named effects explain little of expected images, as random fields and
     temporal noise do. Otherwise, `left` may reach what the named effects explain in expected images. `structure` may
     then be larger, as formulas are not exact. It counts less, the smaller it is relative to structure_before / names.
-    Names that share out an effect outside the library leave more structure. Test frames must always confirm: test_left
-    may reach test_explained. With effects of expected images named, no test frame may exceed its own limit, and a
-    weighted sum of train and test ratios counts.
+    Names that share out an effect outside the library leave more structure. Of what random fields explain, predictions
+    of their draws may miss formula_error. Test frames must always confirm: test_left may reach test_explained. With
+    effects of expected images named, no test frame may exceed its own limit, and a weighted sum of train and test
+    ratios counts.
     """
     if rest.is_full:
         return float("inf")
     is_tested, test_left = rest.test_left is not None, max(rest.test_left or 0.0, 0.0)
-    in_images = rest.explained - rest.drawn
+    in_images, left = rest.explained - rest.drawn, rest.left - numbers.formula_error * max(rest.drawn, 0.0)
     if not rest.names or in_images < numbers.least_excess:
-        structure = min(rest.structure, max(rest.left, 0.0)) / numbers.structure
+        structure = min(rest.structure, max(left, 0.0)) / numbers.structure
         unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.scene_error)
-        return max(rest.left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
+        return max(left / numbers.scene_error, structure, rest.strain / numbers.strain, unconfirmed)
     structure = max(rest.structure, 0.0)
     structure *= min(1.0, rest.names * structure / max(rest.structure_before, 1e-9)) / numbers.structure_kept
-    train = max(structure, rest.left / max(in_images, numbers.structure))
+    train = max(structure, left / max(in_images, numbers.structure))
     unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.structure)
     beside = _TRAIN * train + _TEST * unconfirmed if is_tested else train
     return max(beside, rest.strain / numbers.strain, unconfirmed, rest.test_unlike)
