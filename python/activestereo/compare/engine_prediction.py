@@ -62,7 +62,7 @@ def engine_changes(
     def changes(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
         if all(set(effect.engine_fields) <= _ADDED for effect, _ in model.effects):
             return _kept_added_light(capture, renderer(samples), cache, model, frames)
-        by = renderer(samples).filtering_alike(capture, model, frames)
+        by = renderer(samples).filtering_alike(capture, model)
         return {key: image - base(by)[key] for key, image in kept_lights(capture, by, cache, model, frames).items()}
 
     return changes
@@ -126,7 +126,7 @@ def engine_lights(
     renders."""
     outside = _on_images(model)
     traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
-    renderer = renderer.filtering_alike(capture, traced, capture.frames)
+    renderer = renderer.filtering_alike(capture, traced)
 
     def render(half: int, model: Model, known: SceneMeasurement | None, step: int) -> Mapping[ImageKey, NDArray]:
         share = part_of(progress, (2 * half + step) / 4, (2 * half + step + 1) / 4)

@@ -91,16 +91,10 @@ def test_the_true_model_leaves_the_noise(hidden):
         ("subsurface", {"fraction": 1e-5}),
     ],
 )
-def test_next_to_no_gloss_changes_next_to_nothing(nominal, effect, values):
+def test_next_to_no_gloss_changes_next_to_nothing(nominal, renderer, effect, values):
     """Light is filtered with an effect as without it; else the difference would show the edges of surfaces."""
     change = engine_changes(nominal, "auto", 64, BOUNCES, 0)(Model().with_effect(EFFECTS[effect], **values))
-    light = kept_lights(
-        nominal,
-        CaptureRenderer(samples_per_pixel=8, max_bounces=BOUNCES),
-        LayerCache(),
-        Model(),
-        nominal.split("train"),
-    )
+    light = kept_lights(nominal, renderer, LayerCache(), Model(), nominal.split("train"))
     for key, images in change.items():
         assert np.square(images).mean() < 1e-3 * np.square(light[key]).mean()
 

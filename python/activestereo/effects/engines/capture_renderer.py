@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
@@ -120,10 +120,10 @@ class CaptureRenderer:
                 return matt_layers(world, request, self._first, progress)
             return traced_layers(world, request, progress)
 
-    def filtering_alike(self, capture: Capture, model: Model, frames: Sequence[Frame]) -> CaptureRenderer:
+    def filtering_alike(self, capture: Capture, model: Model) -> CaptureRenderer:
         """Returns the renderer for the difference that a model makes to light. Filters blur the edges of surfaces a
         little. If they leave out surfaces of the model, the difference would show the edges, so it is unfiltered."""
-        [(_, inputs)] = self.inputs(capture, model, frames[:1], None)
+        [(_, inputs)] = self.inputs(capture, model, capture.frames[:1], None)
         return self if all(map(is_filtered, inputs.materials.values())) else self._unfiltered()
 
     @computed_once

@@ -13,7 +13,7 @@ _GOLDEN = 0.61803398875
 def glints(world, frame, directions, points, normals, index, poses, row, bounced, ambient, irradiance):
     """Returns for each ray: the projector's glint, the mirrored surroundings under the projector and under the sky, and
     the share of diffuse light that is left. poses[row]: the left camera's pose at each ray's time; bounced, ambient:
-    lightmap values; irradiance(points, normals, row): the projector's, over pi."""
+    lightmap values; irradiance(points, normals, row=...): the projector's, over pi."""
     p = world.hidden["specular"]
     dots, mirrored, sky, keep = (np.full(len(points), value) for value in (0.0, 0.0, 0.0, 1.0))
     glossy = np.flatnonzero(np.isin(index, [i for i, s in enumerate(world.solids) if world.is_glossy(s)]))
@@ -31,7 +31,7 @@ def glints(world, frame, directions, points, normals, index, poses, row, bounced
         sky[glossy] += share * (solid < 0)
         share, here = share[hit] * albedo_of(world.solids, i, there), glossy[hit]
         sky[here] += share * world.lightmap.look_up(ambient, i, there)
-        mirrored[here] += share * (world.lightmap.look_up(bounced, i, there) + irradiance(there, facing, row[here]))
+        mirrored[here] += share * (world.lightmap.look_up(bounced, i, there) + irradiance(there, facing, row=row[here]))
     return dots, mirrored, sky, keep
 
 

@@ -3,6 +3,7 @@
 grid."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import gammaincinv
@@ -102,9 +103,10 @@ def _lights(world, frame, origins, directions, row, poses, hits, bounced, ambien
     if "ambient_ir" in world.hidden:
         lights[4][hit] = albedo * _lamp(world, points, n, **world.hidden["ambient_ir"])
     if "specular" in world.hidden:
-        lit = lambda at, facing, rows: projector_irradiance(world, frame, at, facing, poses, rows, coarse=True)  # noqa: E731
-        mirror = directions[hit], points, n, i, poses, row[hit], bounced, ambient, lit
-        *added, keep = glints(world, frame, *mirror)
+        irradiance = partial(projector_irradiance, world, frame, poses=poses, coarse=True)
+        *added, keep = glints(
+            world, frame, directions[hit], points, n, i, poses, row[hit], bounced, ambient, irradiance
+        )
         for k in range(5):
             lights[k][hit] *= keep
         for k, light in enumerate(added):
