@@ -35,9 +35,10 @@ class VisualRecords(sapien.Component):
         self.records = list(records)
 
     def on_add_to_scene(self, scene: sapien.Scene) -> None:
-        """Does nothing; SAPIEN requires it and the next one."""
+        """Does nothing; SAPIEN requires the method."""
 
-    on_remove_from_scene = on_add_to_scene
+    def on_remove_from_scene(self, scene: sapien.Scene) -> None:
+        """Does nothing; SAPIEN requires the method."""
 
 
 # Fields of SAPIEN's records whose arguments have another name.
