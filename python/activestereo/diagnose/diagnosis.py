@@ -8,7 +8,6 @@ not confirm a verdict, it becomes `unknown`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +20,7 @@ from activestereo.capture.capture import Capture, Frame, ImageKey, binned, read_
 from activestereo.common.computed_once import computed_once
 from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
-from activestereo.common.progress_bar import Progress, part_of
+from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
@@ -32,10 +31,10 @@ from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
-from activestereo.diagnose.first_words import first_words, richest_view
+from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
-from activestereo.diagnose.gather import gather
+from activestereo.diagnose.geometry import Geometry
 from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.goodness import design_effect, excess_of
 from activestereo.diagnose.kept import FitCache, keep, key_of
@@ -159,8 +158,8 @@ def diagnose(
     phase. rendering: makes a capture's render engine, to which effects of light transport are fitted
     (diagnose/refit.py). engines: as in compare(), for the held-out errors. binning: the search averages blocks of
     binning x binning pixels, None for usual_binning(); held-out errors use full-size images. says: called with progress
-    texts. The first one names the likeliest effects by one view, unless a cached diagnosis answers; further ones are as
-    in Settings. None skips that view. reference: captures of the same unit from when it worked well, only for rooms
+    texts. The first one names the likeliest effects, unless a cached diagnosis answers; further ones are as in
+    Settings. reference: captures of the same unit from when it worked well, only for rooms
     that `calibrate world` measured (else ValueError).
     """
     effects = library() if effects is None else effects
@@ -197,9 +196,17 @@ def diagnose(
         sampled = searched, max_bounces, seed, kept, progress, WARP_SCALE
         return render_for_fits(capture, tracer, *sampled, capture.split(split), is_draft)
 
-    def located(model: Model, near: Evidence | None = None) -> tuple[Evidence, Rendering | None]:
+    looked: list[tuple[Geometry, FitCache]] = []
+
+    def look(evidence: Evidence) -> None:
+        looked.append((evidence.geometry, memory := FitCache(kept, evidence.train)))
+        tell(first_words(evidence, known, _within_reach(evidence, candidates)[0], workers, numbers, memory))
+
+    def located(
+        model: Model, near: Evidence | None = None, seen: Callable[[Evidence], object] = lambda evidence: None
+    ) -> tuple[Evidence, Rendering | None]:
         draft = partial(render, is_draft=True)
-        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near, draft)
+        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near, draft, seen, workers)
         return evidence, None if rendering is None else rendering(evidence.capture)
 
     def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:
@@ -224,17 +231,9 @@ def diagnose(
         accepted = complete.bound(surface_names(whole.scene_path))
         return Diagnosis(result, accepted, stub, complete, seen.before, seen.after, made, key)
 
-    def look(tell: Callable[[str], object]) -> None:  # a function, so that the view's memory is freed at its end
-        view = richest_view(capture)
-        near = part_of(phases, 0.0, len(view.frames) / max(len(capture.split("train")), 1))
-        with suppress(ValueError):  # all of one view may be dark or clipped
-            seen = gather(view, render(view, progress=near), seed)
-            tell(first_words(seen, known, _within_reach(seen, candidates)[0], workers, numbers, kept))
-
-    if says is not None:
-        look(says)
-    evidence, engine = located(known)
-    memory = FitCache(kept, evidence.train)
+    evidence, engine = located(known) if says is None else located(known, seen=look)
+    memory = next((found for at, found in looked if evidence.geometry.is_same(at)), None)
+    memory = memory or FitCache(kept, evidence.train)
     settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, tell)
     try:
         diagnosis = examine(evidence, model, candidates, settings)

@@ -5,7 +5,7 @@ A column is the exact difference of two expected images, not a derivative: dots 
 Effects whose likelihood has narrow peaks propose their own trial parameters (Effect.starts).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.common.processes import forked
+from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fitter import Fitter
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
-from activestereo.diagnose.linear import Columns, Linear
+from activestereo.diagnose.linear import Columns, Linear, as_gathered
 from activestereo.diagnose.pixels import SCALES, AllPixels, exposed
-from activestereo.effects import Effect, Parameter, Stage
+from activestereo.effects import Effect, Model, Parameter, Stage
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.model import scales
 
@@ -49,6 +50,37 @@ class Atom:
     def columns(self) -> slice:
         """Returns the slice of the dictionary that holds this atom's columns."""
         return slice(self.first, self.first + len(self.steps))
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """The trial shapes of effects and their image changes. columns: of `atoms`, [columns][n] over the pixels of
+    `linear`, in noise deviations. others: atoms without columns."""
+
+    linear: Linear
+    atoms: list[Atom]
+    columns: Columns
+    others: list[Atom]
+
+    def grown(
+        self, leads: Collection[str], late: Sequence[Effect], reach: float, workers: int, memory: FitCache | None
+    ) -> "Dictionary":
+        """Returns the dictionary with columns of all shapes of the effects `leads` and of further effects, `late`."""
+        more, others = ([a for a in self.others if (a.effect.id in leads) == is_lead] for is_lead in (True, False))
+        more = numbered([*more, *atoms_of(self.linear, late, reach, workers, memory)])
+        columns = np.concatenate([self.columns, columns_of(self.linear, more, workers, memory)])
+        return Dictionary(self.linear, numbered([*self.atoms, *more]), columns, others)
+
+
+def first_dictionary(
+    evidence: Evidence, model: Model, effects: Sequence[Effect], reach: float, workers: int, memory: FitCache | None
+) -> Dictionary:
+    """Returns a dictionary with columns of the first shapes of effects, as atoms_of() and first_shapes() make them."""
+    linear = as_gathered(evidence, model, memory)
+    atoms = atoms_of(linear, effects, reach, workers, memory)
+    first = first_shapes(atoms)
+    others = [a for a in atoms if not any(a is tried for tried in first)]
+    return Dictionary(linear, numbered(first), columns_of(linear, numbered(first), workers, memory), others)
 
 
 def atoms_of(

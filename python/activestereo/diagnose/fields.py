@@ -141,13 +141,15 @@ class FieldFit:
     """The fit of an effect's random fields, each with one random number (a draw) per pixel, row, dot or similar.
 
     residuals: of the train images, DN [height][width], after the draws predicted from other images are subtracted.
-    sigma, error: {parameter: standard deviation of the draws; its standard error}. share: for a sparse field, the share
+    sigma, error: {parameter: standard deviation of the draws; its standard error}. explained: the share of chi2 that
+    the predicted draws explain. share: for a sparse field, the share
     of pixels that have a draw. unforeseen: expected squared error of the predicted draws, in noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]
     sigma: Mapping[str, float]
     error: Mapping[str, float]
+    explained: float
     share: float = 0.0
     unforeseen: float = 0.0
 
@@ -192,27 +194,22 @@ def field_parameters(effect: Effect, fit: FieldFit, binning: int = 1) -> dict[st
 
 
 def fields_of(
-    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers
+    effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers, least: float = 0.0
 ) -> dict[str, tuple[float, FieldFit]]:
     """Fits the random fields of effects, whose draws other frames predict. Returns {effect: (share of chi2 that the
-    predicted draws explain, the fit)}. Fields that last only while the rig stands still are skipped unless residuals
-    are uncorrelated between neighbouring pixels. black_dn: the black level."""
+    predicted draws explain, the fit)} where that share exceeds `least`. Fields that last only while the rig stands
+    still are skipped unless residuals are uncorrelated between neighbouring pixels. black_dn: the black level."""
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}
-    weights, is_white, out = [row.observation.weight for row in rows], _is_white(rows, numbers.neighbours), {}
-
-    def chi2(residuals: Iterable[np.ndarray]) -> float:
-        return float(sum((w * r**2).sum() for w, r in zip(weights, residuals, strict=True)))
-
-    whole, curves = chi2(row.residual for row in rows), [level_means(row) for row in rows]
+    is_white, out, curves = _is_white(rows, numbers.neighbours), {}, [level_means(row) for row in rows]
     for effect in chosen:
         if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
             continue
-        fit = fit_fields(effect, rows, curves, black_dn, numbers)
+        fit = fit_fields(effect, rows, curves, black_dn, numbers, least)
         if fit is not None:
-            out[effect.id] = 1.0 - chi2(fit.residuals) / whole, fit
-    return {name: found for name, found in out.items() if found[0] > 0.0}
+            out[effect.id] = fit.explained, fit
+    return out
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
@@ -231,14 +228,16 @@ def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
 
 
 def fit_fields(
-    effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers
-) -> FieldFit | None:
+    effect: Effect, train: Sequence[ImageResidual], curves: Sequence[np.ndarray], black_dn: float, numbers: Numbers,
+    least: float = 0.0,
+) -> FieldFit | None:  # fmt: skip
     """Fits an effect's random fields one after another, each to what the earlier ones leave.
 
-    Returns None if there are fewer than two groups of frames, or if no field repeats and is random. curves:
-    level_means() of each train image, subtracted first: an error that depends on brightness alone is no random field.
+    Returns None if there are fewer than two groups of frames, if no field repeats and is random, or if the predicted
+    draws explain no more than the share `least` of chi2. curves: level_means() of each train image, subtracted first:
+    an error that depends on brightness alone is no random field.
     """
-    known, share, unforeseen, found = dict[Hashable, Any](), 0.0, 0.0, False
+    known, share, unforeseen, dots = dict[Hashable, Any](), 0.0, 0.0, dict[str, list[_Row]]()
     left, sigma, error = [row.residual - curve for row, curve in zip(train, curves, strict=True)], {}, {}
     for term in effect.random_terms:
         name = term.parameter
@@ -258,14 +257,8 @@ def fit_fields(
         if not is_random:
             sigma[name] = 0.0
             continue
-        found = True
         if term.shared_by is SharedBy.DOT:
-
-            def variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row] = rows) -> float:
-                return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
-
-            seen = np.sqrt(dots_seen(train, variance_of))
-            sigma[name], error[name] = sigma[name] / seen, error[name] / seen
+            dots[name] = rows
         if hot_sigma is None:
             squares = 0.0  # the draws' expected squared error, in noise variances, summed over the pixels
             for image, row in zip(train, rows, strict=True):
@@ -273,8 +266,24 @@ def fit_fields(
                 squares += float((image.observation.weight * row.z**2 * rest[row.index]).sum())
             unforeseen += squares / sum(row.residual.size for row in rows)
         left = [_corrected(row, rows, totals, variance, hot_sigma, numbers.outlier) for row in rows]
+    if not any(sigma.values()):
+        return None
     residuals = tuple(r + curve for r, curve in zip(left, curves, strict=True))
-    return FieldFit(residuals, sigma, error, share, unforeseen) if found else None
+    before, after = (
+        float(sum((image.observation.weight * r**2).sum() for image, r in zip(train, rest, strict=True)))
+        for rest in ([row.residual for row in train], residuals)
+    )
+    explained = 1.0 - after / before
+    if explained <= least:
+        return None
+    for name, rows in dots.items():
+
+        def variance_of(residuals: Sequence[np.ndarray], rows: Sequence[_Row] = rows) -> float:
+            return _variance([replace(row, residual=r) for row, r in zip(rows, residuals, strict=True)])[0]
+
+        seen = np.sqrt(dots_seen(train, variance_of))
+        sigma[name], error[name] = sigma[name] / seen, error[name] / seen
+    return FieldFit(residuals, sigma, error, explained, share, unforeseen)
 
 
 def level_means(row: ImageResidual) -> np.ndarray:

@@ -79,6 +79,10 @@ class Geometry:
             poses=np.array([_composed(a, b) for a, b in zip(self.poses, poses, strict=True)]),
         )
 
+    def is_same(self, other: "Geometry") -> bool:
+        """Returns whether both have the same focal lengths and poses."""
+        return np.array_equal(self.focal, other.focal) and np.array_equal(self.twists(), other.twists())
+
     def beyond_stated(self) -> NDArray[np.float64]:
         """Returns the root mean square of the corrections of train views at rest, in stated deviations: [translation,
         rotation]. Values below 1 become 1."""

@@ -20,6 +20,7 @@ import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.normal_matrix import inverse_normal_matrix
+from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import Evidence, NuisancePrior, Observation, one_of_each_situation
@@ -104,50 +105,52 @@ def gather_where_it_stands(
     rendered_by: object = None,
     near: Evidence | None = None,
     draft: Render | None = None,
+    seen: Callable[[Evidence], object] = lambda evidence: None,
+    workers: int = 1,
 ) -> Evidence:
     """Estimates the poses of views and projector under a model, renders there, and returns the Evidence of the train
     frames. capture: states the poses to start from. render: returns a capture's layers. model: the effects known
     already. memory: keeps the estimated poses, so that a later diagnosis skips the search. rendered_by: all that
     determines the layers, for the key of `memory`. near: evidence under another model to start from. It is returned
-    unchanged if the estimated poses are its own. draft: renders with fewer samples, on the way; None = render."""
+    unchanged if the estimated poses are its own. draft: renders with fewer samples, on the way; None = render. seen:
+    called with the first evidence that is gathered, before a search. workers: number of processes."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
         found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
         # The type must be the same as when it was found: keys of fits tell a number from an array.
         geometry = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
-        if near is not None and _is_same(geometry, near.geometry):
+        if near is not None and geometry.is_same(near.geometry):
             return near
         capture = geometry.capture()
-        return gather(capture, render(capture), seed, geometry)
+        evidence = gather(capture, render(capture), seed, geometry)
+        seen(evidence)
+        return evidence
 
     def start() -> tuple[Evidence, _Step]:
         if near is not None:
-            return _start(near, capture, render, model)
+            return _start(near, capture, render, model, workers)
         evidence = gather(capture, render(capture), seed)
-        return evidence, _step(evidence, model)
+        seen(evidence)
+        return evidence, _step(evidence, model, 0.0, workers)
 
-    evidence = _searched(start, render, model, _BLURS_PX if near is None else (), draft)
+    evidence = _searched(start, render, model, _BLURS_PX if near is None else (), draft, workers)
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
-    return near if near is not None and _is_same(evidence.geometry, near.geometry) else evidence
+    return near if near is not None and evidence.geometry.is_same(near.geometry) else evidence
 
 
-def _start(near: Evidence, capture: Capture, render: Render, model: Model) -> tuple[Evidence, _Step]:
+def _start(near: Evidence, capture: Capture, render: Render, model: Model, workers: int) -> tuple[Evidence, _Step]:
     """Returns the evidence to start from and the first step there: near, or the evidence at the stated geometry if that
     fits better. Poses found without an effect absorb a part of it. They may move dots by more than their width, and so
     hide the effect."""
-    step = _step(near, model)
+    step = _step(near, model, 0.0, workers)
     if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
         return near, step
     near.forget()
     stated = gather(capture, render(capture), near.seed)
-    from_stated = _step(stated, model)
+    from_stated = _step(stated, model, 0.0, workers)
     return (stated, from_stated) if from_stated.left < step.left else (near, step)
-
-
-def _is_same(a: Geometry, b: Geometry) -> bool:
-    return np.array_equal(a.focal, b.focal) and np.array_equal(a.twists(), b.twists())
 
 
 def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: Evidence | None) -> str | None:
@@ -165,6 +168,7 @@ def _searched(
     model: Model,
     blurs_px: Sequence[float],
     draft: Render | None = None,
+    workers: int = 1,
 ) -> Evidence:
     """Searches the geometry, and returns the evidence rendered there. start: returns the evidence to start from and
     _step() there. If sharp images need a large correction, it makes one step per blur and a last sharp step, because
@@ -179,7 +183,7 @@ def _searched(
     for number, sigma_px in enumerate(plan if change >= _LINEAR_SHARE else (), 1):
         by = draft if draft is not None and rough and number < len(plan) else render
         if sigma_px is not None:
-            step = _step(evidence, model, sigma_px)
+            step = _step(evidence, model, sigma_px, workers)
         geometry = _corrected(evidence, step.focal, step.twists)
         if geometry is None and is_draft and by is render:
             geometry = evidence.geometry
@@ -200,7 +204,7 @@ def _corrected(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> Geo
     return evidence.geometry.moved(focal, twists)
 
 
-def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
+def _step(evidence: Evidence, model: Model, blur_px: float = 0.0, workers: int = 1) -> _Step:
     """Returns one correction of the geometry. It fits train frames at rest, then the poses that only moving frames
     have. Moving frames influence no other unknown, because motion has effects beyond geometry."""
     at_rest = [o for o in evidence.train if not o.frame.is_moving] or list(evidence.train)
@@ -208,11 +212,11 @@ def _step(evidence: Evidence, model: Model, blur_px: float = 0.0) -> _Step:
     others = [_thinned(o, blur_px, evidence.seed) for o in evidence.train if o.key not in fitted]
     at_rest = [_thinned(o, blur_px, evidence.seed) for o in at_rest]
     misfit = 1.0
-    fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+    fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px, workers)
     if np.abs(_drop_albedos(fitter.sigmas(solution.phi), evidence)).max() > _BELIEVED_SIGMAS:
         start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
         misfit = _misfit(fitter, fitter.refine(start, start.start, phi0, 0))
-        fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px)
+        fitter, solution = _fit_at_rest(evidence, misfit, at_rest, model, blur_px, workers)
     phi = solution.phi.copy()
     variance = np.diag(fitter.inverse(solution))[len(solution.theta) + SCALES :].copy()
     fitted_places, all_places = ({int(p) for o in group for p in o.geometry_places} for group in (at_rest, others))
@@ -307,7 +311,7 @@ def _thinned(o: Observation, blur_px: float, seed: int) -> Observation:
 
 
 def _fit_at_rest(
-    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float
+    evidence: Evidence, misfit: float, at_rest: Sequence[Observation], model: Model, blur_px: float, workers: int
 ) -> tuple[Fitter, Solution]:
     """Fits the frames at rest with the likelihood divided by the misfit; returns (fitter, solution). If sharp images
     need a correction, it fits again with a lens distortion, which may be the true cause."""
@@ -317,7 +321,7 @@ def _fit_at_rest(
     solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
     moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
-        solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0), phi0, _ITERATIONS)
+        solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0, workers), phi0, _ITERATIONS)
     return fitter, solution
 
 
@@ -328,28 +332,32 @@ def _misfit(fitter: Fitter, solution: Solution) -> float:
     return design * max(1.0, solution.sums.total / pixels.sum())
 
 
-def _lens_start(evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray) -> tuple[ParameterSpace, np.ndarray]:
+def _lens_start(
+    evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray, workers: int
+) -> tuple[ParameterSpace, np.ndarray]:
     """Returns (parameter space, theta) to start a fit: the model's own, or with a lens distortion if a scan finds that
     it helps. From neutral a fit would not find the distortion: nuisances absorb its displacements."""
-    space, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
+    own, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)
     seen = [replace(o, pick=np.arange(o.measured.size)[o.picked()][::_SCANNED_PIXEL]) for o in picked]
     scan = Fitter(seen, fitter.nuisance_prior, evidence.tiles, supersampled=False)
 
-    def chi2(space: ParameterSpace, theta: np.ndarray) -> float:
-        return scan.nuisance_fit(space, theta, phi)[1]
-
-    found, least = (space, space.start), (1.0 - _WORTH) * chi2(space, space.start)
+    trials = [(own, own.start)]
     for lens in lenses:
-        with_lens = ParameterSpace.of(model, lens)
-        for i, p in enumerate(lens.parameters, len(space.start)):
+        space = ParameterSpace.of(model, lens)
+        for i, p in enumerate(lens.parameters, len(own.start)):
             for level in (m * p.typical for m in _SCANNED if p.low <= m * p.typical <= p.high):
-                theta = with_lens.start.copy()
-                theta[i] = level
-                if (value := chi2(with_lens, theta)) < least:
-                    found, least = (with_lens, theta), value
-    return found
+                trials.append((space, space.start.copy()))
+                trials[-1][1][i] = level
+
+    def chi2(trial: tuple[ParameterSpace, np.ndarray]) -> float:
+        return scan.nuisance_fit(*trial, phi)[1]
+
+    done = {i: work.result() for i, work in forked(chi2, trials, workers) if work.exception() is None}
+    left = [done[i] if i in done else chi2(trial) for i, trial in enumerate(trials)]
+    best = int(np.argmin(left))
+    return trials[best if left[best] < (1.0 - _WORTH) * left[0] else 0]
 
 
 def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:

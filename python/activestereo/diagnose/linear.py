@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.diagnose.evidence import Observation
+from activestereo.diagnose.evidence import Evidence, Observation, one_of_each_situation
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
+from activestereo.diagnose.kept import FitCache
 from activestereo.diagnose.pixels import SCALES, Cluster, cluster_of, exposed
 from activestereo.effects import Model
 from activestereo.effects.core.surfaces import MOST_MATERIALS
@@ -25,6 +26,8 @@ from activestereo.effects.core.surfaces import MOST_MATERIALS
 # The linear model uses so many pixels, and the first fit so many Gauss-Newton steps.
 _LOOKED_AT, _ROUNDS = 200_000, 3
 _SEED = 11
+# Scores see images of so many pixels of each setting: 16 poses of small images, 4 of 848 x 480.
+_SCORED_PIXELS = 16 * 424 * 240
 Columns = NDArray[np.float32]
 # A surface with a smaller share of the pixels has no group of its own.
 _LEAST_SURFACE = 0.002
@@ -43,6 +46,11 @@ def some_pixels(observations: Sequence[Observation], seed: int = 0) -> tuple[Obs
         pool = np.arange(o.measured.size) if o.pick is None else o.pick
         out.append(replace(o, pick=np.sort(rng.permutation(pool)[: max(1, round(share * len(pool)))])))
     return tuple(out)
+
+
+def scored(observations: Sequence[Observation]) -> tuple[Observation, ...]:
+    """Returns the observations that serve scores and first steps of fits: one image of each situation."""
+    return one_of_each_situation(observations, share=1.0, most_pixels=_SCORED_PIXELS)
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,15 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
     prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
     surface = [p.gather(_surface(p.observation)) for p in pixels]
     return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface))
+
+
+def as_gathered(evidence: Evidence, model: Model, memory: FitCache | None) -> Linear:
+    """Returns the linear model at a fit to the scored images alone. It does not depend on how well a geometry search
+    fits there, so first words and the search share image changes."""
+    prior = replace(evidence, geometry=replace(evidence.geometry, misfit=1.0)).nuisance_prior()
+    images = scored(some_pixels(evidence.train, evidence.seed))
+    fitter = Fitter(images, prior, evidence.tiles, memory=memory)
+    return linearised(fitter, fitted_model(fitter, model, fitter.phi0(evidence.nuisances)))
 
 
 def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solution:

@@ -13,13 +13,21 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
-from activestereo.diagnose.dictionary import Atom, atoms_of, carried, columns_of, first_shapes, numbered, start_images
-from activestereo.diagnose.evidence import Evidence, one_of_each_situation
+from activestereo.diagnose.dictionary import (
+    Atom,
+    Dictionary,
+    carried,
+    columns_of,
+    first_dictionary,
+    numbered,
+    start_images,
+)
+from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
 from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
-from activestereo.diagnose.linear import Columns, Linear, fitted_model, linearised, scores, some_pixels
+from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
@@ -32,12 +40,10 @@ from activestereo.effects.core.descriptor import Channel
 
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score. If no fit gains _VAIN times
 # its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
-# that exceeds _CLEAR times the needed gain, random fields need no check.
-_FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR = 4, 0.25, 0.1, 2.0, 10.0
-# Scores see images of so many pixels of each setting: 16 poses of small images, 4 of 848 x 480.
-_SCORED_PIXELS = 16 * 424 * 240
-# look() scores all shapes of the effects whose first shape gains more than this share of the best gain.
-_LEADS = 0.1
+# that exceeds _CLEAR times the needed gain, random fields need no check; fields below _MINOR of it do not count.
+_FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR, _MINOR = 4, 0.25, 0.1, 2.0, 10.0, 0.1
+# The dictionary has all shapes of the effects whose first shape gains more than this share of the best gain.
+_LEADS = 0.05
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4
 # Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
@@ -77,15 +83,11 @@ class Search:
 
     def run(self) -> Outcome:
         """Names missing effects, the best one first, until no further one passes the tests. Returns the Outcome."""
-        linear = linearised(self._scored, self._solution)
-        atoms = self._atoms(linear)
-        columns = self._columns(linear, atoms)
-        while self._name_one(linear, [a for a in atoms if self._is_open(a.effect)], columns):
-            before = linear.fitter
+        dictionary = self._moved(self._dictionary())
+        while self._name_one(dictionary):
             self._drop_needless()
-            linear = linearised(self._scored, self._solution)
-            columns = carried(columns, before, self._scored)
-            self._widen_last_set(linear, atoms, columns)
+            dictionary = self._moved(dictionary)
+            self._widen_last_set(dictionary)
             self._structure = local_structure(self._rows)
         self._widen_set_of_inexact()
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
@@ -100,27 +102,21 @@ class Search:
             self._noise, self._unjudged, rest, tuple(self._rounds),
         )  # fmt: skip
 
-    def look(self) -> list[str]:
-        """Returns the ids of the likeliest effects by score alone, without fits. It scores one trial shape of each
-        effect first, then all shapes of the best effects."""
-        linear = linearised(self._scored, self._solution)
-        atoms = self._atoms(linear)
-
-        def seen(atoms: Sequence[Atom]) -> dict[str, Candidate]:
-            chosen = numbered(atoms)
-            return candidates(chosen, scores(linear, self._columns(linear, chosen)), self._pixels)
-
-        found = seen(first_shapes(atoms))
-        least = _LEADS * max((c.gain for c in found.values()), default=0.0)
-        return list(seen([a for a in atoms if a.effect.id in found and found[a.effect.id].gain > least]))
-
-    def _atoms(self, linear: Linear) -> list[Atom]:
-        """Returns the trial shapes (atoms) of all effects that change the expected images."""
+    def _dictionary(self) -> Dictionary:
+        """Returns the dictionary of all effects that change the expected images."""
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        return atoms_of(linear, images, self._numbers.prior_reach, self._settings.workers, self._settings.memory)
+        quick, late = ([e for e in images if e.starts_late == is_late] for is_late in (False, True))
+        made_with = self._numbers.prior_reach, self._settings.workers, self._settings.memory
+        first = first_dictionary(self._measured, self._given, quick, *made_with)
+        found = candidates(first.atoms, scores(first.linear, first.columns), self._pixels)
+        least = _LEADS * max((c.gain for c in found.values()), default=0.0)
+        leads = {name for name, c in found.items() if c.gain > least}
+        return first.grown(leads, late, *made_with)
 
-    def _columns(self, linear: Linear, atoms: Sequence[Atom]) -> Columns:
-        return columns_of(linear, atoms, self._settings.workers, self._settings.memory)
+    def _moved(self, dictionary: Dictionary) -> Dictionary:
+        """Returns the dictionary at the present fit."""
+        columns = carried(dictionary.columns, dictionary.linear.fitter, self._scored)
+        return replace(dictionary, linear=linearised(self._scored, self._solution), columns=columns)
 
     @property
     def _chi2(self) -> float:
@@ -158,17 +154,16 @@ class Search:
         self._whole = Fitter(evidence.train, *sized)
         self._fitter = Fitter(some_pixels(evidence.train, evidence.seed), *sized, memory=self._settings.memory)
         self._pixels = self._fitter.pixels_used()
-        few = one_of_each_situation(self._fitter.observations, share=1.0, most_pixels=_SCORED_PIXELS)
-        self._scored = Fitter(few, *sized, memory=self._settings.memory)
+        self._scored = Fitter(scored(self._fitter.observations), *sized, memory=self._settings.memory)
 
-    def _name_one(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> bool:
+    def _name_one(self, dictionary: Dictionary) -> bool:
         """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether it did.
-        linear: the model linearised at the present fit. atoms, columns: trial shapes of the open effects, and all image
-        changes."""
+        dictionary: at the present fit."""
         numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
         formulas = [n.effect for n in self._names if n.id in in_model]
-        linear = freed(linear, formulas, numbers.formula_error)
-        floor, found = self._floor(), candidates(atoms, scores(linear, columns), self._pixels)
+        linear = freed(dictionary.linear, formulas, numbers.formula_error)
+        tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
+        floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
         # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
         # those that lost to a name of their family are fitted beside it.
         kin, last = {e.family for e in formulas}, self._rounds[-1:]
@@ -176,14 +171,15 @@ class Search:
         lost = {n: c for n, c in lost.items() if self._is_open(self._effect(n))}
         if self._names:
             again = [c.id for c in found.values() if _LINE_SHORT * c.gain > floor]
-            found = self._found_again(linear, atoms, [*again, *lost])
+            found = self._found_again(linear, [*tried, *others], [*again, *lost])
         elif found:
             self._say_own_ranks(found)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields: Fields = {}
         if by_line < _CLEAR * floor or self._names:
             unnamed = filter(self._is_open, self._effects)
-            fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers)
+            least = _MINOR * floor / self._chi2
+            fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers, least)
         # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
         # images of one camera share. Outliers stand above it.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
@@ -225,7 +221,7 @@ class Search:
         effect = self._effect(name)
         # The largest chi2 of all shapes by chance, for pixels that vary together.
         noise = self._design(fits.get(name)) * left[name] / self._pixels
-        chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(atoms), 1)))
+        chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(tried) + len(others), 1)))
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
             return False
@@ -244,7 +240,10 @@ class Search:
     def _found_again(self, linear: Linear, atoms: Sequence[Atom], likely: Sequence[str]) -> dict[str, Candidate]:
         """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light."""
         some = numbered([atom for atom in atoms if atom.effect.id in likely])
-        return candidates(some, scores(linear, self._columns(linear, some)), self._pixels) if some else {}
+        if not some:
+            return {}
+        columns = columns_of(linear, some, self._settings.workers, self._settings.memory)
+        return candidates(some, scores(linear, columns), self._pixels)
 
     def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
         """Fits each candidate alone beside the present model; returns {effect: Refit}."""
@@ -276,12 +275,13 @@ class Search:
                 gain = share / (1.0 - share) * self._chi2 / self._pixels
                 self._names[at] = replace(name, field=field, gain=gain)
 
-    def _widen_last_set(self, linear: Linear, atoms: Sequence[Atom], columns: Columns) -> None:
+    def _widen_last_set(self, dictionary: Dictionary) -> None:
         """Adds effects that can imitate a part of the last named effect's image change to its set (stand_ins())."""
         name = self._names[-1] if self._names else None
         if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
             return
-        kin = [a for a in atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
+        linear, columns = dictionary.linear, dictionary.columns
+        kin = [a for a in dictionary.atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
         others = [a for a in kin if self._is_open(a.effect)]
         rows = np.concatenate([columns[:0], *(columns[atom.columns()] for atom in others)])
         floor = self._floor() / self._pixels

@@ -51,6 +51,21 @@ def test_light_off_the_first_surface_has_no_noise(device, tmp_path):
     assert (first.indirect != second.indirect).mean() > 0.5
 
 
+def test_bounced_light_without_dots_is_that_with_dots_but_less_noisy(device, tmp_path, monkeypatch):
+    capture = trial_capture(tmp_path)
+
+    def bounced(blur_rad):
+        monkeypatch.setattr(base_layers, "_DOTS_RAD", blur_rad)
+        requests = (
+            rig_request(capture, capture.frames[0], 16, 4, seed, sampling_of(capture.rig, 2)) for seed in (0, 1)
+        )
+        return [CaptureRenderer(device)(request)[0].indirect.astype(float) for request in requests]
+
+    even, dotted = (bounced(blur_rad) for blur_rad in (base_layers._DOTS_RAD, 1e-6))
+    assert np.sum(even) == pytest.approx(np.sum(dotted), rel=0.01)
+    assert np.var(even[0] - even[1]) < 0.4 * np.var(dotted[0] - dotted[1])
+
+
 def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
     np.testing.assert_allclose(views["geometry"].depth_m, views["few"].depth_m, rtol=1e-5)
     np.testing.assert_array_equal(views["geometry"].material, views["few"].material)
@@ -73,15 +88,22 @@ def test_geometry_and_paths_see_through_one_lens(device, tmp_path):
 
 
 def test_light_on_a_painted_wall_is_that_on_a_plain_one_times_its_paint():
-    """Lambert's law: what leaves a matt surface is its albedo times what arrives. The sky beside it is not spread."""
+    """Lambert's law: what leaves a matt surface is its albedo times what arrives. The sky has its share."""
     wide, fine = (of_wall(size) for size in (1, base_layers.WIDE))
     arriving = 0.7
-    sky = 30.0 * (wide.surfaces.material != 1)  # in its pixels alone, whole or beside the wall
-    light = (arriving * wide.albedo + sky).astype(np.float32)
-    seen = base_layers.Spread.of(wide, fine, 300.0)(light[None])[0]
-    on_wall = fine.surfaces.material == 1
-    assert 0.4 < on_wall.mean() < 0.9
-    np.testing.assert_allclose(seen[on_wall], (arriving * fine.albedo)[on_wall], rtol=0.01)
+    sky = 30.0
+    light = (arriving * wide.albedo + sky * (1.0 - wide.covered)).astype(np.float32)
+    seen = base_layers.Spread.of(wide, fine, 300.0)(light[None], [sky])[0]
+    assert 0.4 < fine.covered.mean() < 0.9 and len(np.unique(fine.covered)) > 2
+    np.testing.assert_allclose(seen, arriving * fine.albedo + sky * (1.0 - fine.covered), rtol=0.01)
+
+
+def test_a_sliver_of_wall_before_the_sky_is_no_lamp():
+    """A wide pixel that the wall hardly enters tells nothing of the light that arrives there."""
+    wide, fine = (of_wall(size) for size in (1, base_layers.WIDE))
+    light = np.where(wide.covered == 1.0, 0.7 * wide.albedo, 1.0).astype(np.float32)
+    seen = base_layers.Spread.of(wide, fine, 300.0)(light[None], [1.0])[0]
+    assert seen.max() < 1.01
 
 
 def of_wall(size):
@@ -95,4 +117,5 @@ def of_wall(size):
     depth_m = np.where(np.arange(width) + 0.5 < 12.6 * size, 2.0, 0.0) * np.ones((height, 1))
     images = {"depth": depth_m[None, ..., None].astype(np.float32), "normal": np.zeros((1, height, width, 3))}
     images["normal"][..., 2] = -1.0
-    return base_layers.surfaces_of(images, 0, kuafu.Camera(width, height, K, np.eye(4)), albedo)
+    finer = {"albedo": albedo[None, ..., None], "depth": (albedo > 0)[None, ..., None]}
+    return base_layers.surfaces_of(images, 0, kuafu.Camera(width, height, K, np.eye(4)), finer)

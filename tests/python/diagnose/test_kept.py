@@ -8,18 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from activestereo.capture.capture import read_capture
 from activestereo.common.processes import forked
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
+from activestereo.diagnose import dictionary
+from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
+from activestereo.diagnose.linear import Linear
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.refit import _Rendered
+from activestereo.diagnose.search import Search
+from activestereo.diagnose.settings import Settings
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.descriptor import StartImage
 from lab_worlds import WorldRenderer
@@ -42,8 +48,30 @@ def test_a_first_guess_leaves_out_what_takes_long_to_start(evidence: Evidence, t
         raise AssertionError("a first guess waits for starting values")
 
     late = replace(builtin()["room_projector"], starts=slow)
-    words = first_words(evidence, Model(), [late], 1, NUMBERS, LayerCache(tmp_path))
+    words = first_words(evidence, Model(), [late], 1, NUMBERS, FitCache(LayerCache(tmp_path), evidence.train))
     assert late.starts_late and words.startswith("no effect of images fits")
+
+
+def test_the_search_scores_image_changes_of_the_first_words_again(
+    evidence: Evidence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a geometry search has found since how badly the model fits. First each effect has one shape."""
+    made: list[list[tuple[str, str]]] = []
+    own = dictionary._compute_columns
+
+    def computed(linear: Linear, atoms: list[Atom], workers: int) -> NDArray[np.float16]:
+        made.append([(a.effect.id, str(a.values)) for a in atoms])
+        return own(linear, atoms, workers)
+
+    monkeypatch.setattr(dictionary, "_compute_columns", computed)
+    effects = [builtin()[name] for name in ("vignetting", "veiling_glare", "lens_psf")]
+    memory = FitCache(LayerCache(tmp_path), evidence.train)
+    assert first_words(evidence, Model(), effects, 1, NUMBERS, memory)
+    searched = replace(evidence, geometry=replace(evidence.geometry, misfit=3.0))
+    Search(searched, Model(), effects, Settings(1, memory=memory)).run()
+    [of_words, more, *_] = made
+    assert {name for name, _ in of_words} == {effect.id for effect in effects}
+    assert len(of_words) == len(set(of_words)) and not set(of_words) & set(more)
 
 
 def fitted(evidence: Evidence, renders: Path, effect: Effect = FADING) -> Solution:

@@ -3,21 +3,19 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
-from activestereo.capture.capture import SIDES, SPLITS, Capture
+from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.depth_engine import pose_error_nats
 from activestereo.diagnose.diagnosis import _test_errors
 from activestereo.diagnose.dictionary import Atom, carried
 from activestereo.diagnose.evidence import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.fields import dots_seen
-from activestereo.diagnose.first_words import richest_view
 from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.goodness import Interval, interval, occam_nats
 from activestereo.diagnose.numbers import NUMBERS
@@ -390,18 +388,6 @@ def test_few_poses_of_large_images_are_looked_at_but_every_setting():
     assert chosen == [(0, "left"), (0, "right"), (1, "right"), (2, "right"), (3, "right")]
     assert len(one_of_each_situation(images, most_pixels=1)) == 3  # one of each setting, and the left image
     assert len(one_of_each_situation(images)) == 9
-
-
-def test_first_words_come_from_the_view_with_the_most_settings():
-    """The first one leads equal ones. A moving view is another one than the same pose at rest."""
-    near, far = np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])
-    light = dict(split="train", exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
-    shots = [(near, False, {}), (near, True, {"projector_power": 0.0}), (far, False, {}), (far, False, {}),
-             (far, False, {"temperature_c": 40.0}), (far, False, {"split": "test"})]  # fmt: skip
-    frames = [SimpleNamespace(camera_to_world=m, is_moving=moves, **light | own) for m, moves, own in shots]
-    capture = Capture(Path(), "views", Path(), None, tuple(frames))
-    assert richest_view(capture).frames == tuple(frames[2:5])
-    assert richest_view(replace(capture, frames=tuple(frames[:4]))).frames == (frames[0],)
 
 
 def explanation(name, values, information):

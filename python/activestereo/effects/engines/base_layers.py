@@ -3,14 +3,14 @@
 
 In a matt world (each surface has one albedo, or `calibrate world` measured the room) the first reflection follows from
 geometry (Lambert): albedo / pi x cos / distance^2 x visibility x pattern. It is computed at the centres of squares of
-each pixel, by one sample without noise. Bounced light shows no dots, so it is rendered with few samples in wider
-pixels. It is divided by the albedo, smoothed along surfaces, and interpolated to the smaller pixels of the same
-surface."""
+each pixel, by one sample without noise. Bounced light shows no dots, so it is rendered under a pattern without dots,
+with few samples in wider pixels. It is divided by the albedo, smoothed along surfaces, and interpolated to the smaller
+pixels of the same surface."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
 import kuafu
 from activestereo.common.lens import to_tangents, with_finer_pixels
@@ -30,48 +30,50 @@ from activestereo.effects.engines.layers import RenderRequest, request_key
 from activestereo.effects.engines.loaded_scene import GEOMETRY, LIGHT, LoadedScene
 from activestereo.effects.engines.smooth import Surfaces, alike, smooth_bounced
 
-# A pixel of bounced light is WIDE pixels wide, and a pixel has SQUARES squares along each side. Dots and smoothing have
-# fixed angular sizes, so in images of more than LARGE_PIXELS bounced light is twice as wide, and a pixel is one square.
-WIDE, SQUARES, LARGE_PIXELS = 2, 2, 2 * 848 * 480
-FIRST = ("albedo", "projector_geometry", "projector_visibility", "projector_uv")
+# A pixel of bounced light is WIDE pixels wide, and a pixel has SQUARES squares along each side. Dots have a fixed
+# angular size, so in images of more than LARGE_PIXELS a pixel is one square.
+WIDE, SQUARES, LARGE_PIXELS = 4, 2, 2 * 848 * 480
+# Deviation of the blur that takes the dots off a pattern, about their distance. Paths then agree on the light that
+# bounces: its variance is a third to a quarter of that under dots.
+_DOTS_RAD = 0.0135
+FIRST = ("albedo", "depth", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
 # Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light, which effects use separately, gets SKY_SHARE
 # of those.
-BOUNCED_SHARE, SKY_SHARE = 0.25, 0.25
+BOUNCED_SHARE, SKY_SHARE = 0.125, 0.25
 # Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel. Larger
 # ones get no more in all than an image of MOST_PIXELS.
 SHARED_PIXELS, MOST_TIMES, MOST_PIXELS = 424 * 240, 4.0, 884 * 516
 # Least weight of a neighbour: a pixel without a neighbour on the same surface averages all neighbours.
 _LEAST_ALIKE = 1e-4
-# Mark of pixels that see both sky and surface; 1 marks surface, 0 sky.
-_MIXED = 2
 # Increase this number whenever the computed light changes.
-MATT_VERSION = 6
+MATT_VERSION = 7
 
 
 class MattSurfaces(NamedTuple):
-    """Holds the geometry of the surfaces that a camera sees, and their infrared albedo [height][width]. The `material`
-    of `surfaces` only tells surface, sky and mixed pixels apart."""
+    """Holds the geometry of the surfaces that a camera sees. `material` of `surfaces` only tells surface and sky apart.
+    covered: the share of each pixel that is no sky, [height][width]. albedo: the mean infrared albedo, of sky 0."""
 
     surfaces: Surfaces
+    covered: NDArray[np.float32]
     albedo: NDArray[np.float32]
 
 
 def surfaces_of(
-    images: Mapping[str, NDArray], i: int, camera: kuafu.Camera, albedo: NDArray[np.float32]
+    images: Mapping[str, NDArray], i: int, camera: kuafu.Camera, finer: Mapping[str, NDArray]
 ) -> MattSurfaces:
-    """Returns the surfaces that camera number i sees, from images with the outputs SURFACE. albedo: at finer squares
-    than the camera's pixels."""
+    """Returns the surfaces that camera number i sees, from images with the outputs SURFACE. finer: albedo and depth of
+    finer squares than the camera's pixels."""
     depth_m, K = images["depth"][i, ..., 0], camera.k
     row, column = np.indices(depth_m.shape, dtype=np.float32)
     lens = camera.distortion[: 4 if camera.lens_model == "kannala_brandt" else None]
     x, y = to_tangents(column, row, K, lens)
     normal = images["normal"][i] @ camera.camera_to_world[:3, :3]
     points = np.stack([x * depth_m, y * depth_m, depth_m], axis=-1)
+    albedo, is_surface = finer["albedo"][i, ..., 0], (finer["depth"][i, ..., 0] > 0).astype(np.float32)
     squares = -(-albedo.shape[1] // depth_m.shape[1])
-    mean, covered = _means(albedo, squares), _means((albedo > 0).astype(np.float32), squares)
-    whole = np.where((covered == 0.0) | (covered == 1.0), depth_m > 0, _MIXED)
-    return MattSurfaces(Surfaces.of(depth_m, normal, points, whole), mean)
+    surfaces = Surfaces.of(depth_m, normal, points, depth_m > 0)
+    return MattSurfaces(surfaces, _means(is_surface, squares), _means(albedo, squares))
 
 
 def is_matt_world(scene: kuafu.Scene, is_painted: bool = False) -> bool:
@@ -100,15 +102,24 @@ def _means(image: NDArray[np.float32], squares: int) -> NDArray[np.float32]:
 class Spread(NamedTuple):
     """Smooths images of bounced light in wide pixels and interpolates them to fine pixels, along surfaces.
 
-    focal_px: focal length in wide pixels. weights: for each of the four wide pixels around a fine one, (its index, its
-    share of the fine pixel's light [height][width])."""
+    wide: the surfaces in wide pixels; `material` is 1 where a pixel sees surface alone, which is not black. nearest:
+    for each wide pixel, the index of the nearest such one. focal_px: focal length in wide pixels. weights: for each of
+    the four wide pixels around a fine one, (its index, its share of the fine pixel's light [height][width]). sky: the
+    share of sky in each fine pixel."""
 
     wide: MattSurfaces
+    nearest: tuple[NDArray, ...]
     focal_px: float
     weights: list[tuple[tuple[NDArray, ...], NDArray[np.float32]]]
+    sky: NDArray[np.float32]
 
     @classmethod
     def of(cls, wide: MattSurfaces, fine: MattSurfaces, focal_px: float) -> Spread:
+        is_whole = (wide.covered == 1.0) & (wide.albedo > 0)
+        if not is_whole.any():
+            is_whole = wide.albedo > 0
+        wide = wide._replace(surfaces=wide.surfaces._replace(material=is_whole))
+        nearest = distance_transform_edt(~is_whole, return_distances=False, return_indices=True)
         times = round(fine.albedo.shape[0] / wide.albedo.shape[0])  # wide images end after the last fine pixel
         sides = []  # for each axis: (index, linear weight) of the wide pixels before and after each fine one
         for count, most in zip(fine.albedo.shape, wide.albedo.shape, strict=True):
@@ -121,17 +132,21 @@ class Spread(NamedTuple):
             at = np.ix_(rows, columns)
             weight = np.outer(of_rows, of_columns).astype(np.float32)
             there = wide.surfaces.at(at)
-            weight *= _LEAST_ALIKE + alike(fine.surfaces, there)
-            weight *= np.where(there.material == _MIXED, _LEAST_ALIKE**2, 1.0)
+            weight *= np.where(there.material, _LEAST_ALIKE + alike(fine.surfaces, there), _LEAST_ALIKE**2)
             weights.append((at, weight))
-        scale = np.where(fine.albedo > 0, fine.albedo, 1.0) / sum(weight for _, weight in weights)
-        return cls(wide, focal_px, [(at, (weight * scale).astype(np.float32)) for at, weight in weights])
+        scale = fine.albedo / sum(weight for _, weight in weights)
+        scaled = [(at, (weight * scale).astype(np.float32)) for at, weight in weights]
+        return cls(wide, tuple(nearest), focal_px, scaled, 1.0 - fine.covered)
 
-    def __call__(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Spreads images [n][height][width] in wide pixels."""
-        albedo = np.where(self.wide.albedo > 0, self.wide.albedo, 1.0)
-        smooth = smooth_bounced(light / albedo, self.wide.surfaces, self.focal_px)
-        return np.sum([smooth[:, at[0], at[1]] * weight for at, weight in self.weights], axis=0, dtype=np.float32)
+    def __call__(self, light: NDArray[np.float32], sky: Sequence[float]) -> NDArray[np.float32]:
+        """Spreads images [n][height][width] in wide pixels. sky: the sky's radiance in each of them."""
+        wide, of_sky = self.wide, np.array(sky, np.float32)[:, None, None]
+        arriving = (light - (1.0 - wide.covered) * of_sky) / np.where(wide.albedo > 0, wide.albedo, 1.0)
+        arriving = np.where(wide.surfaces.material, arriving, np.float32(0.0))
+        row, column = self.nearest
+        smooth = smooth_bounced(arriving, wide.surfaces, self.focal_px)[:, row, column]
+        spread = np.sum([smooth[:, at[0], at[1]] * weight for at, weight in self.weights], axis=0, dtype=np.float32)
+        return spread + of_sky * self.sky
 
 
 # Light without the pattern varies only at edges, so it needs fewer samples.
@@ -141,11 +156,12 @@ FLAT_SHARE = 0.5
 class FirstSurfaces(NamedTuple):
     """Caches the parts of a matt world's images without noise. light: for each camera, (the projector's light after one
     reflection, the same under a pattern that is 1 everywhere). spreads: each camera's interpolation of bounced light.
-    seen: images of these surfaces, by the names in SURFACE."""
+    seen: images of these surfaces, by the names in SURFACE. pattern: the projector's without dots [height][width]."""
 
     light: list[tuple[NDArray[np.float32], NDArray[np.float32]]]
     spreads: list[Spread]
     seen: dict[str, NDArray]
+    pattern: NDArray[np.float32]
 
 
 def traced_layers(world: LoadedScene, request: RenderRequest, progress: Progress | None) -> tuple[Layers, ...]:
@@ -175,21 +191,20 @@ def matt_layers(
     surfaces. Its key leaves out the seed, because they have no noise."""
     images, spp, seed = world.images, request.samples_per_pixel, request.seed
     pixels = _pixels(request)
-    times = WIDE if pixels <= LARGE_PIXELS else 2 * WIDE
-    wide = [_resized(camera, 1.0 / times) for camera in request.cameras]
-    bounces = times**2 * BOUNCED_SHARE * float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
+    wide = [_resized(camera, 1.0 / WIDE) for camera in request.cameras]
+    bounces = WIDE**2 * BOUNCED_SHARE * float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
     bounces *= min(1.0, MOST_PIXELS / pixels)
     few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
     room = None if world.room is None else world.room.images(world.renderer, request.cameras, spp, seed=seed)
     even = LIGHT[2:] if room is None else ()
-    with world.lit([(copy_record(request.projector), request.pattern)]):
+    first = _first_surfaces(world, request, wide, kept)
+    with world.lit([(copy_record(request.projector), first.pattern)]):
         bounced = images(wide, LIGHT[1:2] + even, few, request.max_bounces, progress, seed=seed)
         sky = images(wide, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
-        first = _first_surfaces(world, request, wide, kept)
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
-        spread = first.spreads[i](np.stack([image[i, ..., 0] for image in light]))
+        spread = first.spreads[i](np.stack([image[i, ..., 0] for image in light]), (0.0, 1.0, 1.0)[: len(light)])
         if room is None:
             indirect, ambient, direct_sky = spread
         else:
@@ -205,16 +220,18 @@ def matt_layers(
 def _first_surfaces(
     world: LoadedScene, request: RenderRequest, wide: list[kuafu.Camera], kept: dict[str, FirstSurfaces]
 ) -> FirstSurfaces:
-    """Returns the first surfaces of a request, from memory or rendered. The world must be lit by the request's
-    projector. wide: the cameras of bounced light."""
+    """Returns the first surfaces of a request, from memory or rendered. wide: the cameras of bounced light."""
     key = request_key(replace(request, seed=0), "first surfaces")
     if key not in kept:
         kept.clear()  # both halves of a pose are rendered one after the other
         squares = SQUARES if _pixels(request) <= LARGE_PIXELS else 1
         finer = [_resized(camera, squares) for camera in request.cameras]
         seen, far = world.images(request.cameras, SURFACE, 1, 0), world.images(wide, SURFACE, 1, 0)
-        first = world.images(finer, FIRST, 1, 0)
         pattern = np.asarray(request.pattern, np.float32)
+        with world.lit([(copy_record(request.projector), pattern)]):
+            first = world.images(finer, FIRST, 1, 0)
+        sigma_px = _DOTS_RAD * request.projector.k[0, 0]
+        even = gaussian_filter(pattern, sigma_px, mode="nearest", truncate=2.0)
 
         def reflected(i: int) -> tuple[NDArray, NDArray]:
             """Returns the projector's light off the first surface for camera i: with the pattern, and with 1."""
@@ -226,13 +243,12 @@ def _first_surfaces(
             return _means(direct, squares), _means(flat, squares)
 
         def spread(i: int) -> Spread:
-            albedo = first["albedo"][i, ..., 0]
-            at, to = surfaces_of(far, i, wide[i], albedo), surfaces_of(seen, i, request.cameras[i], albedo)
+            at, to = surfaces_of(far, i, wide[i], first), surfaces_of(seen, i, request.cameras[i], first)
             return Spread.of(at, to, wide[i].k[0, 0])
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             light, spreads = pool.map(reflected, range(len(finer))), pool.map(spread, range(len(finer)))
-            kept[key] = FirstSurfaces(list(light), list(spreads), seen)
+            kept[key] = FirstSurfaces(list(light), list(spreads), seen, even)
     return kept[key]
 
 
