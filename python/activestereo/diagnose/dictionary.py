@@ -107,13 +107,15 @@ def numbered(atoms: Sequence[Atom]) -> list[Atom]:
 
 
 def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
-    """Returns one atom, the middle one, for each effect and each parameter of a first column. Atoms that effects
-    propose themselves are all returned."""
+    """Returns one atom, of middle amplitude and shape, for each effect, parameter of a first column, and sign. Atoms
+    that effects propose themselves are all returned."""
     groups: dict[object, list[Atom]] = {}
     for atom in atoms:
-        group = atom.first if atom.effect.starts else (atom.effect.id, atom.steps[0][0])
+        name, step = atom.steps[0]
+        group = atom.first if atom.effect.starts else (atom.effect.id, name, step > 0)
         groups.setdefault(group, []).append(atom)
-    return [group[len(group) // 2] for group in groups.values()]
+    ascending = (sorted(group, key=lambda a: abs(a.steps[0][1])) for group in groups.values())
+    return [group[len(group) // 2] for group in ascending]
 
 
 def _proposals(

@@ -42,8 +42,8 @@ from activestereo.effects.core.descriptor import Channel
 # its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
 # that exceeds _CLEAR times the needed gain, random fields need no check; fields below _MINOR of it do not count.
 _FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR, _MINOR = 4, 0.25, 0.1, 2.0, 10.0, 0.1
-# The dictionary has all shapes of the effects whose first shape gains more than this share of the best gain.
-_LEADS = 0.05
+# The dictionary has all shapes of the effects whose first shapes gain more than this share of the best gain.
+_LEADS = 0.1
 # A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
 _SETTLING, _SETTLED = 8, 1e-4
 # Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
