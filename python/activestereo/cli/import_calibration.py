@@ -21,9 +21,9 @@ from activestereo.cli import arguments as cli
 from activestereo.common.lens import is_distorting
 
 if TYPE_CHECKING:
+    from activestereo.capture.camera_order import CameraOrder
     from activestereo.capture.importers.realsense_folder import FrameFiles
     from activestereo.capture.importers.realsense_text import DeviceText
-    from activestereo.compare.camera_order import CameraOrder
 
 # Rows of rectified images match to about 0.2 px on real devices; beyond this limit a matcher loses pixels.
 _MOST_ROWS_PX = 0.5
@@ -122,7 +122,7 @@ def rectified_pair(device: DeviceText, width: int, height: int) -> RectifiedPair
 def checked_sides(files: Sequence[FrameFiles], are_exchanged: bool, offset_px: float) -> CameraOrder:
     """Measures on up to three pairs whether left and right images are swapped, and returns the measured order. Raises
     CommandError if they are swapped. are_exchanged: whether --swap was given. offset_px: right cx minus left cx."""
-    from activestereo.compare.camera_order import camera_order
+    from activestereo.capture.camera_order import camera_order
 
     some = [files[i].files for i in sorted({0, len(files) // 2, len(files) - 1})]
     pairs = [(read_gray(own["left"], key="Infrared 1"), read_gray(own["right"], key="Infrared 2")) for own in some]

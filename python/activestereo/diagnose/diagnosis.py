@@ -159,8 +159,8 @@ def diagnose(
     (diagnose/refit.py). engines: as in compare(), for the held-out errors. binning: the search averages blocks of
     binning x binning pixels, None for usual_binning(); held-out errors use full-size images. says: called with progress
     texts. The first one names the likeliest effects, unless a cached diagnosis answers; further ones are as in
-    Settings. reference: captures of the same unit from when it worked well, only for rooms
-    that `calibrate world` measured (else ValueError).
+    Settings. reference: captures of the same unit from when it worked well, only for rooms that `calibrate world`
+    measured (else ValueError).
     """
     effects = library() if effects is None else effects
     candidates = list(effects.values())

@@ -142,8 +142,8 @@ class FieldFit:
 
     residuals: of the train images, DN [height][width], after the draws predicted from other images are subtracted.
     sigma, error: {parameter: standard deviation of the draws; its standard error}. explained: the share of chi2 that
-    the predicted draws explain. share: for a sparse field, the share
-    of pixels that have a draw. unforeseen: expected squared error of the predicted draws, in noise variances per pixel.
+    the predicted draws explain. share: for a sparse field, the share of pixels that have a draw. unforeseen: expected
+    squared error of the predicted draws, in noise variances per pixel.
     """
 
     residuals: tuple[np.ndarray, ...]

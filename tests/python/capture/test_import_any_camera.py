@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
+from activestereo.capture.camera_order import camera_order
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.cli import main
-from activestereo.compare.camera_order import camera_order
 from command_line import led_on
 
 DISPARITY_PX, LOWER_PX = 9.0, 0.4
@@ -184,3 +184,14 @@ def test_a_linked_view_is_a_view(pair, tmp_path):
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "desk").symlink_to(tmp_path / "elsewhere")
     assert len(frame_files(tmp_path / "set")) == 1
+
+
+def test_an_edge_that_runs_sideways_tells_no_row():
+    rng, (height, width) = np.random.default_rng(3), (240, 424)
+    v, u = np.mgrid[:height, : width + 10]
+    scene = 60.0 + 80.0 / (1.0 + np.exp(-(v % 80 - 40 + 0.08 * u)))  # slanted edges, eighty rows apart
+    scene[:, 200:300] += rng.uniform(0, 60, (height, 100))
+    pair = [image + rng.normal(0, 1.0, image.shape) for image in (scene[:, :-10], scene[:, 10:])]
+    order = camera_order([pair])
+    assert 30 <= order.patches < 60 and order.row_spread_px < 0.1 and not order.is_swapped
+    assert order.row_offset_px == pytest.approx(0.0, abs=0.05)

@@ -10,7 +10,6 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.camera_order import camera_order
 from activestereo.compare.compare import compare
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import frame_noise_variances, pair_noise_model
@@ -138,14 +137,3 @@ def test_a_pair_without_a_smooth_place_tells_nothing(world, cache):
         for side, seen in layers[frame.id].items()
     )
     assert pair_noise_model([(left, right)], 5.0) is None
-
-
-def test_an_edge_that_runs_sideways_tells_no_row():
-    rng, (height, width) = np.random.default_rng(3), (240, 424)
-    v, u = np.mgrid[:height, : width + 10]
-    scene = 60.0 + 80.0 / (1.0 + np.exp(-(v % 80 - 40 + 0.08 * u)))  # slanted edges, eighty rows apart
-    scene[:, 200:300] += rng.uniform(0, 60, (height, 100))
-    pair = [image + rng.normal(0, 1.0, image.shape) for image in (scene[:, :-10], scene[:, 10:])]
-    order = camera_order([pair])
-    assert 30 <= order.patches < 60 and order.row_spread_px < 0.1 and not order.is_swapped
-    assert order.row_offset_px == pytest.approx(0.0, abs=0.05)
