@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import logm
+from scipy.ndimage import minimum_filter
 
 from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.pose import motion_of_twist
@@ -23,7 +24,8 @@ from activestereo.compare.nuisances import predict
 from activestereo.effects import Light
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.model import Nuisances, scales
-from activestereo.effects.core.view import View
+from activestereo.effects.core.resample import means_of_squares
+from activestereo.effects.core.view import Layers, View
 
 TWIST = 6
 # Half steps of differences: of the pattern, in its pixels; of the focal length, relative (a fifth of a pixel at the
@@ -31,6 +33,8 @@ TWIST = 6
 _STEP_PX, _FOCAL_STEP = 0.25, 2e-3
 # Rays that graze a surface by less than this cosine tell nothing of its place.
 _GRAZING = 0.05
+# A pixel whose depth exceeds its neighbour's by more than this share lies beyond an edge.
+_DEPTH_STEP = 0.03
 Twist = NDArray[np.float64]
 
 
@@ -159,7 +163,8 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     turn, place = view.camera_to_projector[:3, :3], np.linalg.inv(view.camera_to_projector)[:3, 3]
     x, y = view.rays()
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    z = np.where(view.depth_m > 0, view.depth_m, np.inf)
+    in_front = _depth_in_front(view.depth_m)
+    edge_points = rays * np.where(np.isfinite(in_front), in_front, 0.0)[..., None]
     flat, pattern = layers.flat[..., None], dots.mean(view.pattern)[..., None]
     from_projector = points - place
     facing = _not_grazing(normal, from_projector)[..., None]
@@ -176,30 +181,54 @@ def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
     # The rig moves: surfaces move in the cameras' frames with the light that they scatter, and slide along the pixels'
     # rays through the pattern.
     sliding = _dot(of_dots @ turn, rays) / _not_grazing(normal, rays)
-    carried = pattern * _motion_derivative(view.K, points, z, _gradient(layers.flat))
-    carried += _motion_derivative(view.K, points, z, _gradient(layers.indirect))
-    of_projector = np.where(lit, sliding[..., None] * normal + brightening - carried, 0.0)
+    of_dots_and_light = np.where(lit, sliding[..., None] * normal + brightening, 0.0)
     turning = np.where(lit, -np.cross(normal, from_projector) * flat * pattern / facing, 0.0)
-    of_ambient = -_motion_derivative(view.K, points, z, _gradient(layers.ambient))
+    of_indirect, of_ambient, of_flat = (
+        -_motion_derivative(view.K, edge_points, in_front, gradient) for gradient in _gradients(layers)
+    )
+    carried = np.where(lit, pattern * of_flat + of_indirect, 0.0)
+    by_twist = _twist_derivative(view.left_to_camera, points, of_dots_and_light, turning)
+    by_twist += _twist_derivative(view.left_to_camera, edge_points, carried)
+    of_room = _twist_derivative(view.left_to_camera, edge_points, of_ambient)
     lights = [
-        np.concatenate(
-            [by_place, by_turn, *_twist_derivative(view.left_to_camera, points, of_projector, turning)], axis=-1
-        ),
-        np.concatenate(
-            [np.zeros((*view.shape, TWIST)), *_twist_derivative(view.left_to_camera, points, of_ambient)], axis=-1
-        ),
+        np.concatenate([by_place, by_turn, by_twist], axis=-1),
+        np.concatenate([np.zeros((*view.shape, TWIST)), of_room], axis=-1),
     ]
     return np.moveaxis(np.array(lights, dtype=np.float32), -1, 1)
 
 
+def _depth_in_front(depth_m: np.ndarray) -> np.ndarray:
+    """Returns the depth of the surface that moves a pixel's edges, in metres: at a step of depth, the nearer one's.
+    Infinity where no surface is near."""
+    z = np.where(depth_m > 0, depth_m, np.inf)
+    nearest = minimum_filter(z, 3)
+    return np.where(z > (1.0 + _DEPTH_STEP) * nearest, nearest, z)
+
+
+def _gradients(layers: Layers) -> np.ndarray:
+    """Returns the change per pixel along u and v, [3][height][width][2], of `indirect`, `ambient` and `flat`. The edge
+    of a texture is as sharp as a pixel, so supersampled images are shifted by one sample where there are any."""
+    fine = layers.supersampled
+    if fine is None:
+        return np.stack([_gradient(getattr(layers, name)) for name in ("indirect", "ambient", "flat")])
+    images, edge, size = fine.images()[1:], fine.margin_px * fine.scale, fine.scale
+    height, width = (size * n for n in layers.depth_m.shape)
+
+    def inside(down: int, right: int) -> np.ndarray:
+        return images[:, edge + down : edge + down + height, edge + right : edge + right + width]
+
+    along = [inside(down, right) - inside(-down, -right) for down, right in ((0, 1), (1, 0))]
+    return np.stack([means_of_squares(image, size, np.float32) for image in along], axis=-1) * (0.5 * size)
+
+
 def _twist_derivative(
     left_to_camera: np.ndarray, points: np.ndarray, by_motion: np.ndarray, turning: np.ndarray | float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the derivatives [..., 3] of light by v and by w of the rig's twist, in the left camera's axes. Surfaces
+) -> np.ndarray:
+    """Returns the derivatives [..., 6] of light by v and w of the rig's twist, in the left camera's axes. Surfaces
     move opposite to the rig. by_motion: derivative by the surface points' motion. turning: by the turn of normals."""
     force, moment = -by_motion, turning - np.cross(points, by_motion)
     turn, offset = left_to_camera[:3, :3], left_to_camera[:3, 3]
-    return force @ turn, (moment + np.cross(force, offset)) @ turn
+    return np.concatenate([force @ turn, (moment + np.cross(force, offset)) @ turn], axis=-1)
 
 
 def _motion_derivative(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradient: np.ndarray) -> np.ndarray:

@@ -48,9 +48,10 @@ _PIXEL_SHARE, _MOST_PIXELS, _SEED = 0.25, 12_000, 13
 _LENS, _WORTH = "camera.distortion", 0.2
 # Lens parameters to try, in typical values; the scan uses every so manyth pixel of the chosen images.
 _SCANNED, _SCANNED_PIXEL = (0.3, 1.0, 3.0, -0.3, -1.0, -3.0), 4
-# Images are rendered again if corrections change them by more than the first share of the noise, root mean square. By
-# more than the second, the search begins with blurred images.
-_LINEAR_SHARE, _FAR_SHARE = 0.1, 0.25
+# Corrections that change the images by more than the first share of the noise, root mean square, are told, and rendered
+# beside named effects, whose rivals they decide. The first search renders by the second, because slopes tell smaller
+# changes but for a few edges. By more than the third, it begins with blurred images.
+_TOLD_SHARE, _LINEAR_SHARE, _FAR_SHARE = 0.1, 0.3, 0.5
 # A moving view may be off by so many times the error of the views at rest, and by so many stated deviations.
 _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
 # A survey is never off by so many stated deviations: a misfitting model moves the rig to hide its error.
@@ -134,7 +135,8 @@ def gather_where_it_stands(
         seen(evidence)
         return evidence, _step(evidence, model, 0.0, workers)
 
-    evidence = _searched(start, render, model, _BLURS_PX if near is None else (), draft, workers)
+    blurs_px, linear_share = (_BLURS_PX, _LINEAR_SHARE) if near is None else ((), _TOLD_SHARE)
+    evidence = _searched(start, render, model, blurs_px, linear_share, draft, workers)
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
     return near if near is not None and evidence.geometry.is_same(near.geometry) else evidence
@@ -145,7 +147,7 @@ def _start(near: Evidence, capture: Capture, render: Render, model: Model, worke
     fits better. Poses found without an effect absorb a part of it. They may move dots by more than their width, and so
     hide the effect."""
     step = _step(near, model, 0.0, workers)
-    if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _LINEAR_SHARE:
+    if near.geometry.is_as_stated() or _change(near, step.focal, step.twists) < _TOLD_SHARE:
         return near, step
     near.forget()
     stated = gather(capture, render(capture), near.seed)
@@ -167,12 +169,14 @@ def _searched(
     render: Render,
     model: Model,
     blurs_px: Sequence[float],
+    linear_share: float,
     draft: Render | None = None,
     workers: int = 1,
 ) -> Evidence:
     """Searches the geometry, and returns the evidence rendered there. start: returns the evidence to start from and
     _step() there. If sharp images need a large correction, it makes one step per blur and a last sharp step, because
-    blurred images reveal larger errors; else two sharp steps. draft: as of gather_where_it_stands().
+    blurred images reveal larger errors; else two sharp steps. linear_share: smaller changes of the images need no
+    render. draft: as of gather_where_it_stands().
     Only one evidence is held at a time, since those of large images take gigabytes."""
     evidence, step = start()
     change, seed = _change(evidence, step.focal, step.twists), evidence.seed
@@ -180,7 +184,7 @@ def _searched(
     # Without blurs the first step counts: a view's move has hidden the model's effect so far.
     plan: list[float | None] = [*rough, 0.0] if rough else [None, 0.0]
     is_draft = False
-    for number, sigma_px in enumerate(plan if change >= _LINEAR_SHARE else (), 1):
+    for number, sigma_px in enumerate(plan if change >= linear_share else (), 1):
         by = draft if draft is not None and rough and number < len(plan) else render
         if sigma_px is not None:
             step = _step(evidence, model, sigma_px, workers)
@@ -199,7 +203,7 @@ def _corrected(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> Geo
     the others go back to their stated values."""
     twists, stated = twists.copy(), _pose_mask(_moving_beyond_others(evidence, twists))
     twists[stated] = -evidence.geometry.twists()[stated]
-    if _change(evidence, focal, twists) < _LINEAR_SHARE:
+    if _change(evidence, focal, twists) < _TOLD_SHARE:
         return None
     return evidence.geometry.moved(focal, twists)
 
@@ -288,7 +292,7 @@ def with_test_frames(evidence: Evidence, fitter: Fitter, solution: Solution, mod
     if not held.any():
         return there
     twists, variance = step(there, 0.0)
-    if _change(there, unmoved, twists) >= _LINEAR_SHARE:
+    if _change(there, unmoved, twists) >= _TOLD_SHARE:
         for sigma_px in _BLURS_PX:
             there = moved(there, step(there, sigma_px)[0])
         twists, variance = step(there, 0.0)
@@ -320,7 +324,7 @@ def _fit_at_rest(
     start, phi0 = ParameterSpace.of(model), fitter.phi0(evidence.nuisances)
     solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
     moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
-    if not blur_px and _change(evidence, *moves) >= _LINEAR_SHARE:
+    if not blur_px and _change(evidence, *moves) >= _TOLD_SHARE:
         solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0, workers), phi0, _ITERATIONS)
     return fitter, solution
 
@@ -369,9 +373,9 @@ def standing(evidence: Evidence, solution: Solution) -> Geometry:
     """Returns the geometry under a solution, or the stated or rendered one if images hardly differ between them."""
     focal, twists = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     geometry = evidence.geometry
-    if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _LINEAR_SHARE:
+    if _change(evidence, geometry.focal + focal, geometry.twists() + twists) < _TOLD_SHARE:
         return Geometry.as_stated(geometry.stated)
-    return geometry if _change(evidence, focal, twists) < _LINEAR_SHARE else geometry.moved(focal, twists)
+    return geometry if _change(evidence, focal, twists) < _TOLD_SHARE else geometry.moved(focal, twists)
 
 
 def _moving_beyond_others(evidence: Evidence, twists: np.ndarray) -> np.ndarray:
