@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import os
 import signal
 import threading
@@ -10,7 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from itertools import count
 from multiprocessing import current_process, get_all_start_methods, get_context, parent_process
@@ -79,6 +81,14 @@ def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) ->
             yield from done_in_pools(pool, _done, places)
     finally:
         del _jobs[number]
+
+
+def return_freed_memory() -> None:
+    """Returns memory that was freed to the system. The C library keeps it for this process, gigabytes after work on
+    large images, while forked processes need their own."""
+    gc.collect()
+    with suppress(OSError, AttributeError, TypeError):  # a C library without it keeps nothing, or cannot be asked
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _done(place: tuple[int, int]) -> object:

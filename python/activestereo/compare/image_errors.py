@@ -118,6 +118,13 @@ class ImageErrors:
         """Returns {(frame id, side): measured minus expected, DN, float32 [height][width]}."""
         return {key: self.measured[key].astype(np.float32) - image for key, image in self.predictions.items()}
 
+    def forget(self) -> None:
+        """Drops what views and light keep for further models; it is computed again where it is needed."""
+        images = (layers.supersampled for sides in self.layers.values() for layers in sides.values())
+        for kept in (*self.views.values(), *images):
+            if kept is not None:
+                kept.forget()
+
     def squares_of_blocks(self, key: ImageKey, size: int) -> NDArray[np.float32]:
         """Returns `squares` of the image averaged over blocks of size x size pixels. The renderer's noise is
         independent from pixel to pixel."""

@@ -30,7 +30,7 @@ from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
-from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse
+from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse, without_light
 from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
@@ -229,7 +229,7 @@ def diagnose(
         phases.begin(BOTH)
         _, seen = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
-        return Diagnosis(result, accepted, stub, complete, seen.before, seen.after, made, key)
+        return Diagnosis(result, accepted, stub, complete, *without_light(seen.before, seen.after), made, key)
 
     evidence, engine = located(known) if says is None else located(known, seen=look)
     memory = next((found for at, found in looked if evidence.geometry.is_same(at)), None)
@@ -445,7 +445,7 @@ def _told(
     } | _verdict_evidence(outcome, numbers)  # fmt: skip
     result["own"] = {e.id: _why(e, result, model) for e in candidates if builtin().get(e.id) is not e}
     stub = None if residual is None else effect_stub(residual, capture.name)
-    return Diagnosis(result, accepted, stub, complete, before, after), tested
+    return Diagnosis(result, accepted, stub, complete, *without_light(before, after)), tested
 
 
 def _verdict_words(verdict: str, added: Sequence[str]) -> str:

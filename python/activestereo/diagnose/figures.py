@@ -129,6 +129,16 @@ def held_out_figures(
     return figures, HeldOut(before, standing, plain[0] if plain else standing, after)
 
 
+def without_light(
+    before: ImageErrors | None, after: ImageErrors | None
+) -> tuple[ImageErrors | None, ImageErrors | None]:
+    """Returns the errors of a given and of a found model without light that nothing reads any more, gigabytes of large
+    images. The first keeps what a comparison reads, the second its images."""
+    if before is not None:
+        before.forget()
+    return before, None if after is None else replace(after, layers={}, views={})
+
+
 def left_out_rmse(fitter: Fitter, solution: Solution) -> float:
     """Returns the root mean square error in DN if each frame is predicted by a fit to all other frames. That fit is the
     linear model at the solution. Pixels where the scene is unknown do not count."""

@@ -5,18 +5,18 @@ Also picks the frame that the report shows first, and computes residuals and the
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.processes import forked
+from activestereo.common.processes import forked, return_freed_memory
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.diagnose.pixels import LightMemory
-from activestereo.effects import Model, Stage, View
+from activestereo.effects import Light, Model, Stage, View
 from activestereo.report.diagnosis import ROWS
 
 if TYPE_CHECKING:
@@ -90,22 +90,43 @@ def _predicted(comparison: Comparison, models: Any, given: Any, progress: Callab
         for f in capture.frames
         for side, layers in comparison.layers[f.id].items()
     ]
-    views, light_of = {image.key: image.view for image in images}, LightMemory(images)
+    views = {image.key: image.view for image in images}
     out = {name: given.get(name) or (comparison.predictions if model == comparison.model else None)
            for name, model in models.items()}  # fmt: skip
     left = [name for name, known in out.items() if known is None]
 
     def predicted(name: str) -> dict[tuple[int, str], np.ndarray]:
-        light = {image.key: light_of(models[name], i) for i, image in enumerate(images)}
+        light = _on_sensor(models[name], images)
+        return_freed_memory()
         fit, seen = fit_with_exposures(capture, models[name], light, views, measured)
         expected = {key: models[name].signal(light[key], view, fit.nuisances) for key, view in seen.items()}
         return {key: image.astype(np.float32) for key, image in expected.items()}
 
+    return_freed_memory()
     for i, work in forked(predicted, left, os.cpu_count() or 1):
         out[left[i]] = None if work.exception() else work.result()
         if progress:
             progress(sum(known is not None for known in out.values()) / len(models))
     return {name: predicted(name) if known is None else known for name, known in out.items()}
+
+
+def _on_sensor(model: Model, images: Sequence[MeasuredImage]) -> dict[ImageKey, Light]:
+    """Returns the light of images on the sensor under a model. What effects keep of a pose's images, gigabytes of large
+    ones, is dropped before the next pose."""
+    at_pose: dict[int, list[MeasuredImage]] = {}
+    for image in images:
+        at_pose.setdefault(id(image.layers), []).append(image)
+    out: dict[ImageKey, Light] = {}
+    for alike in at_pose.values():
+        light_of = LightMemory(alike)
+        for i, image in enumerate(alike):
+            own = light_of(model, i)
+            nothing = np.broadcast_to(0.0, own.ambient.shape)
+            out[image.key] = Light.of_images([own.projector, nothing, own.ambient, nothing])
+        for kept in (alike[0].layers.supersampled, *(image.view for image in alike)):
+            if kept is not None:
+                kept.forget()
+    return out
 
 
 def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, parameters: Any) -> Any:

@@ -200,6 +200,7 @@ def test_the_answer_is_an_object_to_work_with(hidden_shading):
     frame = diagnosis.before.capture.frames[0].id
     assert np.abs(diagnosis.residual(frame)).mean() < np.abs(diagnosis.before.residuals()[frame, "left"]).mean()
     assert diagnosis.predict(frame).shape == diagnosis.residual(frame).shape
+    assert not diagnosis.after.layers and not diagnosis.after.views, "gigabytes of large images"
     assert diagnosis.sets() == [["vignetting"]]
     assert "and was named" in diagnosis.explain("vignetting")
     assert "vignetting explains" in diagnosis.explain("projector_vignetting")
