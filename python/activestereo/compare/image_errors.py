@@ -120,10 +120,10 @@ class ImageErrors:
 
     def forget(self) -> None:
         """Drops what views and light keep for further models; it is computed again where it is needed."""
-        images = (layers.supersampled for sides in self.layers.values() for layers in sides.values())
-        for kept in (*self.views.values(), *images):
-            if kept is not None:
-                kept.forget()
+        for view in self.views.values():
+            view.forget()
+        for layers in (layers for sides in self.layers.values() for layers in sides.values()):
+            layers.forget()
 
     def squares_of_blocks(self, key: ImageKey, size: int) -> NDArray[np.float32]:
         """Returns `squares` of the image averaged over blocks of size x size pixels. The renderer's noise is

@@ -26,6 +26,11 @@ class MeasuredImage:
         """Returns the measured image with NaN at pixels where the scene is unknown."""
         return self.measured if self.view.known is None else np.where(self.view.known, self.measured, np.nan)
 
+    def forget(self) -> None:
+        """Drops what view and light keep, gigabytes of large images; it is computed again where it is needed."""
+        self.view.forget()
+        self.layers.forget()
+
     @property
     def key(self) -> ImageKey:
         return self.frame.id, self.side

@@ -20,12 +20,11 @@ from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel
-from activestereo.diagnose.geometry import TWIST, Geometry
+from activestereo.diagnose.geometry import DEPTH_STEP, TWIST, Geometry
 from activestereo.effects.core.model import Nuisances
 
 # Largest error of an edge's position that the scene measurement may make, metres. Beyond it an effect is missing.
 _LARGEST_EDGE_DISCREPANCY_M = 1.5e-3
-_DEPTH_STEP = 0.03
 # At an edge of a measured texture the room's light changes by more than this share from pixel to pixel.
 _TEXTURE_STEP = 0.1
 # Side of the tiles by which correlated errors are judged.
@@ -43,7 +42,7 @@ def edges(o: MeasuredImage) -> np.ndarray:
 
 def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
     edge = maximum_filter(material, 3) != minimum_filter(material, 3)
-    return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > _DEPTH_STEP * z)
+    return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > DEPTH_STEP * z)
 
 
 def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
@@ -172,9 +171,7 @@ class Evidence:
     def forget(self) -> None:
         """Drops what the images keep for fits, gigabytes of large images; it is computed again where it is needed."""
         for o in (*self.train, *self.test):
-            o.view.forget()
-            if o.layers.supersampled is not None:
-                o.layers.supersampled.forget()
+            o.forget()
 
     def floor_variance(self, observations: tuple[Observation, ...]) -> float:
         """Returns the mean noise floor of observations, DN^2."""

@@ -33,8 +33,8 @@ TWIST = 6
 _STEP_PX, _FOCAL_STEP = 0.25, 2e-3
 # Rays that graze a surface by less than this cosine tell nothing of its place.
 _GRAZING = 0.05
-# A pixel whose depth exceeds its neighbour's by more than this share lies beyond an edge.
-_DEPTH_STEP = 0.03
+# At an edge of a surface, depth changes by more than this share from pixel to pixel.
+DEPTH_STEP = 0.03
 Twist = NDArray[np.float64]
 
 
@@ -202,7 +202,7 @@ def _depth_in_front(depth_m: np.ndarray) -> np.ndarray:
     Infinity where no surface is near."""
     z = np.where(depth_m > 0, depth_m, np.inf)
     nearest = minimum_filter(z, 3)
-    return np.where(z > (1.0 + _DEPTH_STEP) * nearest, nearest, z)
+    return np.where(z > (1.0 + DEPTH_STEP) * nearest, nearest, z)
 
 
 def _gradients(layers: Layers) -> np.ndarray:

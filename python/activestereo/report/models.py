@@ -123,9 +123,8 @@ def _on_sensor(model: Model, images: Sequence[MeasuredImage]) -> dict[ImageKey, 
             own = light_of(model, i)
             nothing = np.broadcast_to(0.0, own.ambient.shape)
             out[image.key] = Light.of_images([own.projector, nothing, own.ambient, nothing])
-        for kept in (alike[0].layers.supersampled, *(image.view for image in alike)):
-            if kept is not None:
-                kept.forget()
+        for image in alike:
+            image.forget()
     return out
 
 

@@ -65,6 +65,11 @@ class Layers:
     def projector(self) -> np.ndarray:
         return self.direct + self.indirect
 
+    def forget(self) -> None:
+        """Drops what the supersampled images keep for warps; it is computed again where it is needed."""
+        if self.supersampled is not None:
+            self.supersampled.forget()
+
     def in_camera(self, camera_to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Returns depth_m, normal and ambient_bounced of a View, float64. The result for the latest pose is kept, since
         frames at one pose share their layers."""
