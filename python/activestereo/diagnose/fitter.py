@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from activestereo.capture.capture import SIDES
 from activestereo.common.computed_once import computed_once
 from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.diagnose.evidence import NuisancePrior, Observation
+from activestereo.diagnose.geometry import TWIST
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.pixels import DENSE, SCALES, AllPixels, LightMemory, Pixels, Sums, exposed
 from activestereo.effects import Effect, Light, Model, Parameter, Stage
@@ -303,6 +305,12 @@ class Fitter:
         strain = np.abs(self.sigmas(solution.phi))
         farthest = (strain if base is None else strain - np.abs(self.sigmas(base.phi))).max(initial=0.0)
         return float(farthest / np.sqrt(self.nuisance_prior.weighed_up))
+
+    def rig_penalty(self, solution: Solution) -> float:
+        """Returns the sum of squared distances of focal lengths and projector pose from their prior means, in stated
+        deviations."""
+        of_rig = np.delete(self.sigmas(solution.phi), np.s_[len(SIDES) : len(SIDES) + self.materials])
+        return float((of_rig[: len(SIDES) + TWIST] ** 2).sum() / self.nuisance_prior.weighed_up)
 
     def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
         """Returns the distance of an albedo from the scene's, in stated deviations: of the farthest one, or with

@@ -149,6 +149,13 @@ def excess_of(rows: Sequence[ImageResidual]) -> float:
     return square / sum(row.observation.pixels for row in rows) - 1.0
 
 
+def mean_square(rows: Sequence[ImageResidual], weights: Sequence[np.ndarray]) -> float:
+    """Returns the mean squared residual of images under given weights, 1/DN^2, in noise variances."""
+    squares = (w * row.residual**2 for w, row in zip(weights, rows, strict=True))
+    shown = [s.ravel()[row.observation.picked()] for s, row in zip(squares, rows, strict=True)]
+    return float(np.mean(np.concatenate(shown)))
+
+
 def local_structure(rows: Sequence[ImageResidual]) -> float:
     """Returns the mean square per pixel, in noise variances, of the residual's part on which both tile halves agree.
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import ImageKey
 from activestereo.common.computed_once import computed_once
-from activestereo.diagnose.dictionary import Atom
+from activestereo.diagnose.dictionary import Atom, start_images
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution, fit_key
 from activestereo.diagnose.kept import content_key
-from activestereo.diagnose.linear import linearised, score_alone
+from activestereo.diagnose.linear import fitted_model, linearised, score_alone
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.selection import Candidate
 from activestereo.effects import Effect, Light, Model, Stage, View, known_differences
@@ -44,6 +44,8 @@ _NODES, _CURVE_STEPS = 10, 4
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
 # hardly falls; the others are only measured there.
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
+# Steps of a fit with a newly named effect, and the share of chi2 by whose fall it stops; steps from each narrow peak.
+SETTLING, _PEAK = (8, 1e-4), 3
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 # Real facets and depths of scatter follow other laws than the library's materials.
@@ -214,6 +216,22 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     values = next(values for e, values in solution.model.effects if e is effect)
     space = ParameterSpace.of(solution.model.with_effect(bent, **values))
     return fitter.refine(space, space.start, solution.phi, _CURVE_STEPS)
+
+
+def refit_at_peaks(fitter: Fitter, fit: Solution) -> Solution:
+    """Refits each effect that has several narrow likelihood peaks (Effect.starts) from all peaks, beside the other
+    effects. Returns the best fit."""
+    for effect in [e for e in fit.effects if e.starts is not None]:
+        without = fitted_model(fitter, fit.model.without_effect(effect.id), fit.phi)
+        own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
+        fits = [fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING)]
+        assert effect.starts is not None
+        for start in effect.starts(start_images(linearised(fitter, without))):
+            values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
+            theta = np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta)
+            fits.append(fitter.refine(fit.space, theta, fit.phi, _PEAK))
+        fit = min(fits, key=lambda f: f.sums.total)
+    return fit
 
 
 @dataclass(frozen=True)

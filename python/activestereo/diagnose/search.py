@@ -5,7 +5,7 @@ One dictionary of image changes serves all rounds. After an effect is named, the
 because the missing effect had passed for noise and misplaced edges. The rig's geometry is estimated again too.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,29 +13,39 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
-from activestereo.diagnose.dictionary import (
-    Atom,
-    Dictionary,
-    carried,
-    columns_of,
-    first_dictionary,
-    numbered,
-    start_images,
-)
+from activestereo.diagnose.credible_set import members_of
+from activestereo.diagnose.dictionary import Atom, Dictionary, carried, columns_of, first_dictionary, numbered
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
 from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
-from activestereo.diagnose.goodness import design_effect, local_structure, occam_nats
+from activestereo.diagnose.goodness import design_effect, local_structure, mean_square
 from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
 from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
-from activestereo.diagnose.refit import Refit, formula_error, missed_share, refit_free_curve, refits, restore_functions
-from activestereo.diagnose.selection import Candidate, calibrated, candidates, credible, freed, gain_beyond, stand_ins
+from activestereo.diagnose.refit import (
+    SETTLING,
+    Refit,
+    formula_error,
+    missed_share,
+    refit_at_peaks,
+    refit_free_curve,
+    refits,
+    restore_functions,
+)
+from activestereo.diagnose.selection import (
+    Candidate,
+    candidates,
+    freed,
+    gain_beyond,
+    most_like_rig,
+    own_ranks,
+    stand_ins,
+)
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
-from activestereo.effects import Effect, Model, Stage, builtin
+from activestereo.effects import Effect, Model, Stage
 from activestereo.effects.core.descriptor import Channel
 
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score. If no fit gains _VAIN times
@@ -44,12 +54,8 @@ from activestereo.effects.core.descriptor import Channel
 _FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR, _MINOR = 4, 0.25, 0.1, 2.0, 10.0, 0.1
 # The dictionary has all shapes of the effects whose first shapes gain more than this share of the best gain.
 _LEADS = 0.1
-# A fit with a newly named effect takes so many steps, or stops when chi2 falls by less than this share.
-_SETTLING, _SETTLED = 8, 1e-4
-# Steps of a fit from each narrow peak of a named effect. Rivals with this part of a name's gain may take its place.
-_PEAK, _NEAR_SWAP = 3, 0.6
-# The penalty of a random field's parameters, nats, in place of occam_nats().
-_OF_A_FIELD = -3.0
+# Rivals with this part of a name's gain may take its place.
+_NEAR_SWAP = 0.6
 # Albedos may be off by so many stated deviations where a named effect changes their meaning.
 _AS_STATED = 0.01
 # A noise term is named only if it is this share of the noise. Least part of Numbers.least_excess: without structure.
@@ -84,7 +90,7 @@ class Search:
     def run(self) -> Outcome:
         """Names missing effects, the best one first, until no further one passes the tests. Returns the Outcome."""
         dictionary = self._moved(self._dictionary())
-        while self._name_one(dictionary):
+        while self._name_one(dictionary) or self._name_in_place_of_rig(dictionary):
             self._drop_needless()
             dictionary = self._moved(dictionary)
             self._widen_last_set(dictionary)
@@ -93,10 +99,9 @@ class Search:
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
-        is_full = sum(n.seen is not None for n in self._names) >= self._numbers.most_names
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         in_images = sum(n.seen is not None and n.field is None for n in self._names)
-        rest = Remainder(*parts, names=in_images, is_full=is_full or takes_any_light(self._names))
+        rest = Remainder(*parts, names=in_images, is_full=self._is_full() or takes_any_light(self._names))
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
             self._noise, self._unjudged, rest, tuple(self._rounds),
@@ -165,15 +170,18 @@ class Search:
         tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
         floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
         # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
-        # those that lost to a name of their family are fitted beside it.
-        kin, last = {e.family for e in formulas}, self._rounds[-1:]
-        lost = {n: r.candidates.get(n) for r in last for n in r.fits if self._effect(n).family in kin}
-        lost = {n: c for n, c in lost.items() if self._is_open(self._effect(n))}
+        # those that lost to a name of their family are fitted beside it; where structure is left, the unfitted, too.
+        kin, is_rough = {e.family for e in formulas}, self._structure > numbers.structure_kept
+        lost: dict[str, Candidate] = {}
+        for r in self._rounds[-1:]:
+            kin_then = (c for n, c in r.candidates.items() if (e := self._effect(n)).family in kin and self._is_open(e))
+            lost = {c.id: c for c in kin_then if c.id in r.fits or (is_rough and c.gain > r.floor * r.chi2)}
         if self._names:
             again = [c.id for c in found.values() if _LINE_SHORT * c.gain > floor]
             found = self._found_again(linear, [*tried, *others], [*again, *lost])
         elif found:
-            self._say_own_ranks(found)
+            for text in own_ranks(found, self._chi2):
+                self._settings.says(text)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields: Fields = {}
         if by_line < _CLEAR * floor or self._names:
@@ -189,15 +197,14 @@ class Search:
             if f[0] * self._chi2 > drawn * self._pixels or is_sparse(self._effect(name))
         }
         by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
-        now = Round(found, fields, self._chi2, floor / self._chi2, self._structure)
-        self._rounds.append(now)
-        is_over = max(by_line, by_draws) < floor
-        if is_over or sum(n.seen is not None for n in self._names) == numbers.most_names:
+        self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure))
+        is_over = max(by_line, by_draws) < floor and not (is_rough and lost)
+        if is_over or self._is_full():
             return False
         most = max((c.gain for c in found.values()), default=0.0)
         promising = [c for c in found.values() if _LINE_SHORT * c.gain > floor]
         likely = [c for c in promising if c.gain > _NEAR * most][:_FITTED]
-        likely += [c for n, earlier in lost.items() if (c := found.get(n, earlier)) is not None and c not in likely]
+        likely += [c for n, earlier in lost.items() if (c := found.get(n, earlier)) not in likely]
         fits = self._fits(likely)
         if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
             fits |= self._fits([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
@@ -215,12 +222,13 @@ class Search:
             least = max(floor, numbers.formula_error * (self._chi2 - left[best]))
             first = (n for n in left if n in fields and imitates(self._effect(best), self._effect(n)))
             left = {n: left[n] for n in first if self._chi2 - left[n] > least} or left
-        members = self._members(left, fits)
+        members = members_of(left, fits, self._effects, self._fitter, self._solution, numbers)
         name = next(iter(members))
         gain = self._chi2 - left[name]
         effect = self._effect(name)
         # The largest chi2 of all shapes by chance, for pixels that vary together.
-        noise = self._design(fits.get(name)) * left[name] / self._pixels
+        tile_chi2 = (fits[name].solution if name in fits else self._solution).sums.tile_chi2
+        noise = design_effect(tile_chi2, self._fitter.tile_pixels()) * left[name] / self._pixels
         chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(tried) + len(others), 1)))
         now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
         if gain < max(floor, chance):
@@ -296,7 +304,8 @@ class Search:
         left = {id: fit.chi2 for id, fit in fits.items() if self._is_open(self._effect(id))}
         left = {id: chi2 for id, chi2 in left.items() if self._chi2 - chi2 > self._floor()}
         if inexact is not None and left:
-            self._widen_set(inexact, [id for id in self._members(left, fits) if id not in inexact.members])
+            members = members_of(left, fits, self._effects, self._fitter, self._solution, self._numbers)
+            self._widen_set(inexact, [id for id in members if id not in inexact.members])
 
     def _widen_set(self, name: Name, more: Sequence[str]) -> None:
         """Adds effects to a name's set; together they get the probability 1 - Numbers.credible."""
@@ -304,14 +313,6 @@ class Search:
             added = dict.fromkeys(more, (1.0 - self._numbers.credible) / len(more))
             kept = {member: p * self._numbers.credible for member, p in name.members.items()}
             self._names[self._names.index(name)] = replace(name, members=kept | added)
-
-    def _say_own_ranks(self, found: Mapping[str, Candidate]) -> None:
-        """Reports by Settings.says the rank of each user-defined effect among all scores."""
-        best = max(c.gain for c in found.values())
-        for rank, (name, c) in enumerate(found.items(), 1):
-            if builtin().get(name) is not c.best.atom.effect:
-                shares = f"{100 * c.gain / self._chi2:.1f} % of the error, the best one {100 * best / self._chi2:.1f} %"
-                self._settings.says(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
 
     def _floor(self, has_share: bool = True) -> float:
         """Returns the least fall of chi2 to name an effect: a share of chi2 beyond noise, but at least a minimum. The
@@ -333,11 +334,6 @@ class Search:
         beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
         return beyond > max(self._floor(), self._missed(own))
 
-    def _design(self, fit: Refit | None) -> float:
-        """Returns the design effect of a fit's residuals (goodness.py); None: of the current one's."""
-        solution = self._solution if fit is None else fit.solution
-        return design_effect(solution.sums.tile_chi2, self._fitter.tile_pixels())
-
     def _missed(self, shares: Sequence[float]) -> float:
         """Returns the fall of chi2 that named effects' formulas may have missed. shares: of each one's gain."""
         return self._pixels * sum(n.gain * share for n, share in zip(self._names, shares, strict=True))
@@ -348,29 +344,6 @@ class Search:
     def _is_open(self, effect: Effect) -> bool:
         """Returns whether an effect may still be named. A dropped effect may not, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
-
-    def _members(self, left: dict[str, float], fits: dict[str, Refit]) -> dict[str, float]:
-        """Returns the credible set {effect: probability of being the missing one}, likeliest first. left: {effect: chi2
-        of its fit}. Because formulas of effects are not exact, log odds are divided by the error of the formulas. The
-        measured error and the usual error have equal weight."""
-        best, share = min(left, key=lambda name: left[name]), self._numbers.formula_error
-        design = self._design(fits.get(best))
-        nats = {name: 0.5 * self._pixels / design * np.log(self._chi2 / chi2) for name, chi2 in left.items()}
-
-        def occam(fit: Refit | None, design: float) -> float:
-            if fit is None:
-                return _OF_A_FIELD
-            return occam_nats(self._fitter, fit.solution, fit.solution.effects[-1], design)
-
-        def logs(names: Iterable[str], missed: float) -> dict[str, float]:
-            unit = max(1.0, missed * nats[best])
-            return {name: nats[name] / unit + occam(fits.get(name), design * unit) for name in names}
-
-        question = credible(logs(nats, share), 1.0 - self._numbers.alpha)
-        measured = max(formula_error(e, share) for e in self._effects if e.id in question)
-        sharp = credible(logs(question, min(measured, share)), 1.0)
-        both = {name: float(np.log(p + sharp.get(name, 0.0))) for name, p in question.items()}
-        return calibrated(credible(both, self._numbers.credible))
 
     def _accept(self, fit: Solution) -> bool:
         """Continues the search from a fit that contains one more named effect. Estimates the poses and the weights
@@ -385,11 +358,11 @@ class Search:
                 self._first, fit = (
                     replace(f, phi=np.append(f.phi[:SCALES], phi0[SCALES:])) for f in (self._first, fit)
                 )
-                fit = self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)
+                fit = self._fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING)
         self._use_evidence(evidence)
         rows = self._whole.residuals(fit)
         self._use_evidence(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
-        self._fit_again(self._refit_at_peaks(fit))
+        self._fit_again(refit_at_peaks(self._fitter, fit))
         self._less_rounding()
         return evidence is not before
 
@@ -416,19 +389,13 @@ class Search:
             return
         accepted, least = dict(vars(self)), self._floor() / self._pixels
         weights = [o.weight for o in self._evidence.train]
-
-        def left() -> float:
-            squares = (w * row.residual**2 for w, row in zip(weights, self._rows, strict=True))
-            shown = [s.ravel()[row.observation.picked()] for s, row in zip(squares, self._rows, strict=True)]
-            return float(np.mean(np.concatenate(shown)))
-
-        alone = left()
+        alone = mean_square(self._rows, weights)
         rival = min((id for id in fits if id != name.id), key=lambda id: fits[id].chi2, default=name.id)
         gain = (fits[name.id].chi2 - fits[rival].chi2) / self._pixels + name.gain
         if gain > _NEAR_SWAP * name.gain and rival != name.id:
             vars(self).update(before)
             self._accept(fits[rival].solution)
-            better = alone - left()
+            better = alone - mean_square(self._rows, weights)
             if better > 0.0:
                 self._names[-1] = replace(name, effect=self._effect(rival), members={rival: 1.0}, gain=gain + better)
             else:
@@ -437,20 +404,30 @@ class Search:
             if abs(better) < least and other not in name.members:
                 self._widen_set(name, [other])
 
-    def _refit_at_peaks(self, fit: Solution) -> Solution:
-        """Refits each effect that has several narrow likelihood peaks (Effect.starts) from all peaks, beside the other
-        effects and under the newest weights. Returns the best fit."""
-        for effect in [e for e in fit.effects if e.starts is not None]:
-            without = fitted_model(self._fitter, fit.model.without_effect(effect.id), fit.phi)
-            own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
-            fits = [self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED)]
-            assert effect.starts is not None
-            for start in effect.starts(start_images(linearised(self._fitter, without))):
-                values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
-                theta = np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta)
-                fits.append(self._fitter.refine(fit.space, theta, fit.phi, _PEAK))
-            fit = min(fits, key=lambda f: f.sums.total)
-        return fit
+    def _name_in_place_of_rig(self, dictionary: Dictionary) -> bool:
+        """Names the effect that is most like the rig's correction, if beside it the images need far less of a
+        correction and leave no more error: a search of the geometry takes a smaller pattern, for example, for other
+        focal lengths. Beside a wrong effect the images show a rig that was measured wrong again. Returns whether it
+        named one."""
+        prior, before = self._fitter.rig_penalty(self._solution), dict(vars(self))
+        weights = [o.weight for o in self._evidence.train]
+        by_chance = 2.0 * np.log(len(self._effects) / self._numbers.alpha)
+        open_atoms = [atom for atom in dictionary.atoms if self._is_open(atom.effect)]
+        if prior < by_chance or self._evidence.geometry.is_as_stated() or self._is_full() or not open_atoms:
+            return False
+        left = mean_square(self._rows, weights)
+        effect, values = most_like_rig(dictionary.linear, open_atoms, dictionary.columns)
+        space = ParameterSpace.of(self._solution.model.with_effect(effect, **values))
+        self._accept(self._fitter.refine(space, space.start, self._solution.phi, 0))
+        gain = self._without(effect.id).sums.total - self._chi2
+        spared = prior - self._fitter.rig_penalty(self._solution)
+        if spared < by_chance or mean_square(self._rows, weights) > left or gain < self._floor(has_share=False):
+            vars(self).update(before)
+            return False
+        missed = missed_share(effect, False, self._numbers.formula_error)
+        self._names.append(Name(effect, {effect.id: 1.0}, gain / self._pixels, missed, None, self._rounds[-1]))
+        self._draw_again()
+        return True
 
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
         """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
@@ -472,8 +449,8 @@ class Search:
             observations, tiles = self._fitter.observations, self._evidence.tiles
             without = Fitter(observations, replace(prior, sigma=sigma), tiles, memory=self._settings.memory)
         fits = (
-            lambda: self._fitter.refine(fit.space, fit.theta, fit.phi, _SETTLING, _SETTLED),
-            lambda: without.refine(start, start.start, self._first.phi, _SETTLING, _SETTLED),
+            lambda: self._fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING),
+            lambda: without.refine(start, start.start, self._first.phi, *SETTLING),
         )
         if self._settings.memory is not None:
             self._settings.memory.make_ahead(lambda make: make(), fits, self._settings.workers)
@@ -489,11 +466,20 @@ class Search:
         for name in sorted(self._names, key=lambda n: n.gain):
             if name.field is not None or name.seen is None:
                 continue
-            space, without = ParameterSpace.of(self._solution.model.without_effect(name.id)), self._first
-            if len(space.pairs) > len(without.space.pairs):
-                without = self._fitter.refine(space, space.start, self._solution.phi, _SETTLING, _SETTLED)
+            without = self._without(name.id)
             if without.sums.total - self._chi2 < self._floor(has_share=False):
                 self._names.remove(name)
                 self._needless.add(name.id)
                 self._solution = without
                 self._rows = self._whole.residuals(without)
+
+    def _without(self, name: str) -> Solution:
+        """Returns the fit without one of the named effects."""
+        space = ParameterSpace.of(self._solution.model.without_effect(name))
+        if len(space.pairs) == len(self._first.space.pairs):
+            return self._first
+        return self._fitter.refine(space, space.start, self._solution.phi, *SETTLING)
+
+    def _is_full(self) -> bool:
+        """Returns whether no further effect may be named."""
+        return sum(n.seen is not None for n in self._names) >= self._numbers.most_names

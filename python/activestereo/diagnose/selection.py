@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from activestereo.capture.capture import SIDES
 from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.fitter import Solution
 from activestereo.diagnose.linear import Columns, Linear, Scores, score_alone, scores
 from activestereo.diagnose.numbers import Numbers
-from activestereo.effects import Effect
+from activestereo.diagnose.pixels import SCALES
+from activestereo.effects import Effect, builtin
 from activestereo.effects.core.surfaces import SURFACES
 
 # A coefficient with less information than this stays 0.
@@ -28,9 +30,6 @@ _SHOWS = 0.05
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
 # best gain. Where a coefficient leads a narrow peak farther than this factor, the peak itself is a start, too.
 _LINES, _POINTS, _NEAR, _FAR = 2, 2, 0.3, 2.0
-# The power of calibrated(): it maximises the likelihood of the 31 sets with one true member in the training generations
-# 50525 and 81119, where 30 first members were right and 0.71 of them were expected to be.
-_SHARPER = 5.0
 
 
 @dataclass(frozen=True)
@@ -104,6 +103,16 @@ def candidates(atoms: Sequence[Atom], scores: Scores, pixels: int) -> dict[str, 
     return dict(sorted(out.items(), key=lambda item: -item[1].evidence))
 
 
+def own_ranks(found: Mapping[str, Candidate], chi2: float) -> list[str]:
+    """Returns a sentence on the rank of each user-defined effect among all scores."""
+    best, out = max(c.gain for c in found.values()), []
+    for rank, (name, c) in enumerate(found.items(), 1):
+        if builtin().get(name) is not c.best.atom.effect:
+            shares = f"{100 * c.gain / chi2:.1f} % of the error, the best one {100 * best / chi2:.1f} %"
+            out.append(f"{name} ranks {rank} of {len(found)} by its score: it explains {shares}")
+    return out
+
+
 def _candidate(hits: list[Hit]) -> Candidate:
     hits = sorted(hits, key=lambda hit: -hit.log_factor)
     best = hits[0]
@@ -146,24 +155,6 @@ def _within_signs(S: NDArray[np.float64], u: NDArray[np.float64], signed: Sequen
             return free, float(b @ u[free])
         free = [j for j in free if j not in bad]
     return [], 0.0
-
-
-def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
-    """Returns the smallest set {name: probability}, likeliest first, whose probabilities reach `mass`. nats: {name: log
-    evidence}."""
-    names = sorted(nats, key=lambda name: -nats[name])
-    p = np.exp([nats[name] - nats[names[0]] for name in names])
-    p /= p.sum()
-    count = int(np.searchsorted(np.cumsum(p), mass)) + 1
-    return {name: float(x) for name, x in zip(names[:count], p, strict=False)}
-
-
-def calibrated(members: Mapping[str, float]) -> dict[str, float]:
-    """Returns a set's probabilities, adjusted to how often its members prove right. They are raised to a power and
-    scaled to the same sum (temperature scaling; Guo et al. 2017, ICML)."""
-    powers = {name: p**_SHARPER for name, p in members.items()}
-    scale = sum(members.values()) / sum(powers.values())
-    return {name: scale * p for name, p in powers.items()}
 
 
 def freed(linear: Linear, effects: Iterable[Effect], share: float) -> Linear:
@@ -218,6 +209,24 @@ def stand_ins(
         found = candidates(atoms, seen, seen.pixels) if seen.total > floor * seen.pixels else {}
         out |= dict.fromkeys(name for name, c in found.items() if c.gain > (1.0 - numbers.formula_error) * seen.total)
     return list(out)
+
+
+def most_like_rig(linear: Linear, atoms: Sequence[Atom], columns: Columns) -> tuple[Effect, dict[str, float]]:
+    """Returns (effect, its parameters) of the trial shape whose image change is most like the change by the corrections
+    of focal lengths and poses, from the stated to the fitted ones. atoms, columns: the trial shapes and their image
+    changes."""
+    fitter, (phi, own) = linear.fitter, (linear.solution.phi, len(linear.solution.theta) + SCALES)
+    moved = phi[SCALES:] - fitter.nuisance_prior.value
+    moved[len(SIDES) : len(SIDES) + fitter.materials] = 0.0
+    change = moved.astype(np.float32) @ linear.nuisances[own : own + len(moved)]
+    first = columns[[atom.first for atom in atoms]]
+    alike = first @ change
+    norms = np.maximum((first**2).sum(axis=1), _LEAST)
+    best = int(np.argmax(alike**2 / norms))
+    effect, (name, step) = atoms[best].effect, atoms[best].steps[0]
+    lead = next(p for p in effect.parameters if p.name == name)
+    value = float(np.clip(lead.neutral + step * alike[best] / norms[best], lead.low, lead.high))
+    return effect, {**atoms[best].values, name: value}
 
 
 def _smooth(linear: Linear, row: Columns) -> Columns:

@@ -12,6 +12,7 @@ import numpy as np
 
 from activestereo.calibrate.world.cells import Room
 from activestereo.common.computed_once import computed_once
+from activestereo.diagnose.credible_set import credible
 from activestereo.diagnose.room.beside import beside_columns
 from activestereo.diagnose.room.cells_out import blocks_of, normal
 from activestereo.diagnose.room.columns import Column, alternatives, effects_of, nuisances, pedestals, size_of
@@ -19,7 +20,6 @@ from activestereo.diagnose.room.evidence import NEEDED, Found, Reduced, gaussian
 from activestereo.diagnose.room.further import room_beside, with_turned_view
 from activestereo.diagnose.room.light import RoomLight, room_light
 from activestereo.diagnose.room.sessions import BETWEEN, FEW, OF_A_UNIT, SAME_PLACE, SHARED
-from activestereo.diagnose.selection import credible
 from activestereo.effects import Effect, Model
 
 _MOST_NAMES, _MASS, _PROMISED = 3, 0.95, 5.0 / 6.0
