@@ -108,7 +108,8 @@ def python_words(text: str) -> str:
     words = {"KUAFU_ALL_ENVIRONMENTS": "None", "NULL": "None", "NAN": "None", "INFINITY": "inf", '"': "'"}
     for c, python in words.items():
         text = text.replace(c, python)
-    return re.sub(r"\b(?:KUAFU|SIMSENSE)_[A-Z]+_([A-Z][A-Z_]+)\b", lambda found: found[1].lower(), text)
+    # KUAFU_OIDN_LIBRARY is no constant, but an environment variable.
+    return re.sub(r"\b(?:KUAFU|SIMSENSE)_(?!OIDN)[A-Z]+_([A-Z][A-Z_]+)\b", lambda found: found[1].lower(), text)
 
 
 def c_comment(text: str, indent: str = "") -> str:

@@ -15,14 +15,15 @@ from activestereo.diagnose import Diagnosis, diagnose
 from activestereo.effects.core.model import Model
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
+_SETTINGS = ("renderer", "samples_per_pixel", "max_bounces", "seed", "cache", "progress")
 
 
 class Lab:
     """Holds a capture folder and the sensor model under test: a Model, the path of a model.json, or None for no
     effects.
 
-    effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(): renderer,
-    samples_per_pixel, max_bounces, seed, cache, progress.
+    effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(), of _SETTINGS.
+    Raises TypeError for others.
     """
 
     def __init__(
@@ -32,6 +33,8 @@ class Lab:
         effects: Sequence[str | Path] = (),
         **settings: Any,
     ) -> None:
+        if unknown := settings.keys() - _SETTINGS:
+            raise TypeError(f"unknown settings: {', '.join(sorted(unknown))}; there are {', '.join(_SETTINGS)}")
         self.capture = capture
         self.effects = library(*effects)
         self.model = model if isinstance(model, Model) else read_model(model, self.effects, scene_of(capture))

@@ -252,8 +252,9 @@ def calibrate_noise(
     if dark is not None:
         darks = dark if isinstance(dark, list) else read_repeats(dark)
     if (count := sum(len(view.counts) for view in views)) < LEAST_REPEATS:
-        told = f"{count} repeats, at least {LEAST_REPEATS} are needed"
-        raise ValueError(f"{views[0].name}: {told}: record more frames of the same static view")
+        told = f"{count} repeats in {len(views)} views of one camera, at least {LEAST_REPEATS} are needed"
+        where = views[0].name if len(views) == 1 else f"{views[0].name} to {views[-1].name}"
+        raise ValueError(f"{where}: {told}: record more frames of the same static view")
     for view in views:
         check_still(view)
     max_dn = 2 ** bit_depth([*views, *darks]) - 1

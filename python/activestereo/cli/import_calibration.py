@@ -162,9 +162,10 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
     if not any("depth" in entry.files for entry in files):
         out.append("no depth, which poses, pattern and albedo need: record it, too, or name it by --depth WORD")
     if not has_poses:
-        count = sum(frame.repeat_group is not None for frame in frames)
-        seen = f"{count} of {len(frames)} frames repeat a view" if count else "each frame is a view of its own"
-        out.append(f"no poses, which calibrate world measures by depth, and --poses or --robot state: {seen}")
+        views = len({f.repeat_group for f in frames if f.repeat_group is not None})
+        views += sum(f.repeat_group is None for f in frames)
+        how = "state them by --poses or --robot, or let calibrate world measure them (two or more views with depth)"
+        out.append(f"no poses, which compare and diagnose need: {how}; here are {len(frames)} frames of {views} views")
     return out
 
 

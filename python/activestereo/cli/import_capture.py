@@ -123,7 +123,8 @@ def run(args: argparse.Namespace) -> None:
     notes = [*told, f"the pattern and the projector's place are nominal{empty}"]
     with_words = [command(*args.given, "--depth", word, "-o", f"{args.out}_{word}") for word in words[:_MOST_WORDS]]
     steps = [*with_words, command("view", args.out)]
-    if has_scene and any(frame.has_infrared for frame in frames):
+    is_posed = bool(args.poses or args.robot) or len({frame.repeat_group for frame in frames}) == 1
+    if has_scene and is_posed and any(frame.has_infrared for frame in frames):
         steps.insert(0, command("compare", args.out, "-o", f"{args.out}_compare"))
     elif any(frame.has_infrared and frame.depth_path is not None for frame in frames):
         steps.insert(0, command("calibrate", "world", args.out, "-o", f"{args.out}_world"))

@@ -184,9 +184,9 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
     text += "x (right), y (down), z (forward) (default: it stands still)"
     group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=text)
     text = "seconds that each line is exposed after the one before; 0 = a global shutter (default: 0)"
-    text = f"rolling shutter of the infrared cameras: {text}"
-    group.add_argument("--ir-line-time-s", type=cli.positive, metavar="S", help=text)
-    group.add_argument("--rgb-line-time-s", type=cli.positive, metavar="S", help=f"the same of the RGB camera: {text}")
+    for camera, cameras in (("ir", "the infrared cameras"), ("rgb", "the RGB camera")):
+        words = f"rolling shutter of {cameras}: {text}"
+        group.add_argument(f"--{camera}-line-time-s", type=cli.positive, metavar="S", help=words)
     text = f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up"
     group.add_argument("--readout", choices=READOUTS, metavar="NAME", help=f"{text} (default: rows_down)")
     text = "how long the RGB camera is open, which only blurs what moves (default: 0)"

@@ -49,8 +49,8 @@ Puts a depth sensor into a scene and takes one frame: path-traced RGB picture an
 infrared pair with projected dots, imager noise, stereo matching, registration to
 the RGB camera.
 
-SCENE is a file in metres ({' '.join(OWN_ENDINGS)}), one of
-USD ({' '.join(USD_ENDINGS)}; needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
+SCENE is a file in metres ({" ".join(OWN_ENDINGS)}), one of
+USD ({" ".join(USD_ENDINGS)}; needs: pip install usd-core), or a capture's folder. The sensor stands at the file's
 first camera, at a capture's first view, at --camera-to-world, or before the scene, in a
 closed room inside. Lamps have the units of the file's format. A scene without lights is a room of 400 lux (--ambient).
 
@@ -164,13 +164,14 @@ def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | Non
     name; None: loads the built-in ones and those of --effects."""
     if args.model is None:
         return None
-    if args.resolution:
-        figures = "a model's figures are in pixels of its own images"
-        raise cli.CommandError(f"--resolution and --model exclude one another: {figures}")
     from activestereo.compare.model_file import library
     from activestereo.model import read_model
 
-    return read_model(args.model, effects or library(*args.effects))
+    model = read_model(args.model, effects or library(*args.effects))
+    if args.resolution and (model.rig or model.pattern or model.effects):
+        figures = "its rig, pattern or effects are in pixels of its own images"
+        raise cli.CommandError(f"--resolution and --model {args.model} exclude one another: {figures}")
+    return model
 
 
 def sensor_config(
@@ -179,9 +180,9 @@ def sensor_config(
     """Returns the model's configuration, completed by the --sensor preset; without a model the --sensor preset, scaled
     to --resolution if given. view: the capture's frame under whose light, as the model knows it, to simulate, or None.
     Raises CommandError if --resolution has another shape than the preset, or a side below 32."""
-    if model is not None:
-        return StereoDepthSensorConfig.from_model(model, args.sensor, view)
     config = StereoDepthSensorConfig(args.sensor)
+    if model is not None:
+        config = StereoDepthSensorConfig.from_model(model, args.sensor, view)
     if not args.resolution:
         return config
     width, height = config.ir_resolution
@@ -314,8 +315,12 @@ def _write(args: argparse.Namespace, sensor: StereoDepthSensor, rows: list[Accur
         write_ply(out / "cloud.ply", cloud[:, :3], cloud[:, 3:])
         write_json(out / "camera.json", _camera(sensor))
         options.write_maps(out, {name: sensor.get_depth_map(name) for name in options.wanted_maps(args)})
-        title = f"{sensor.get_config().model} in {args.scene.name}"
+        title = f"{_sensor_name(args, sensor)} in {args.scene.name}"
         write_figure(out / "overview.png", simulation_figure(title, rgb, ir, depth, true_depth, rows))
+
+
+def _sensor_name(args: argparse.Namespace, sensor: StereoDepthSensor) -> str:
+    return sensor.get_config().model if args.model is None else f"the sensor of {args.model}"
 
 
 def _camera(sensor: StereoDepthSensor) -> dict[str, Any]:
@@ -351,7 +356,7 @@ def _report(
     details = "\n".join(
         [device, options.matching_line(sensor.engine), options.stage_table(groups), accuracy_table(rows)]
     )
-    sentence = depth_sentence(f"{sensor.get_config().model} in {args.scene.name} ({size_m:.2g} m large)", rows)
+    sentence = depth_sentence(f"{_sensor_name(args, sensor)} in {args.scene.name} ({size_m:.2g} m large)", rows)
     notes, page = light_lines(share, added, chosen), args.out / "overview.png"
     leads, unit = [command("view", args.out, *cli.carried(args, "device"))], likely_unit(size_m)
     if not rows[-1].pixels and args.unit == 1.0 != unit:

@@ -88,16 +88,21 @@ def compare(
     model: effects on top of the base renderer; None: no effects. Expected images leave out random effects. renderer: a
     Renderer (render.py); None: kuafu on the best device. samples_per_pixel: None: usual_samples(). progress: called as
     progress(fraction done), or Phases that begin with PHASES. engines: makes a CaptureRenderer, which renders the
-    model's effects; None: effects change images by formulas. scene_measurement: measured focal lengths and albedos.
+    model's effects; None: kuafu's if renderer is None, else effects change images by formulas. scene_measurement:
+    measured focal lengths and albedos.
     calibrate: returns the capture with a measured rig and pattern in place of the nominal ones.
     """
     capture = read_capture(capture_path)
     if calibrate is not None:
         capture = calibrate(capture)
     if renderer is None:
+        from activestereo.compare.engine_prediction import engines_of
         from activestereo.effects.engines import CaptureRenderer
+        from activestereo.effects.engines.loaded_scene import is_measured_room
 
         renderer = CaptureRenderer()
+        if not is_measured_room(capture):
+            engines = engines or engines_of("auto", samples_per_pixel, max_bounces, seed)
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.begin(RENDERING)
     model, samples = model or Model(), samples_per_pixel or usual_samples(capture)

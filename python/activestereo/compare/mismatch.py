@@ -26,7 +26,7 @@ _SHIFT_SHARE = 0.12
 _MOST_SHIFT_PX = 4
 # Least correlation of a match, as a share of the largest that noise allows. Another pattern gives 0.05 at most; dots
 # moved, blurred and dimmed by the library's strongest effects keep more than 0.4.
-_LEAST = 0.25
+LEAST = 0.25
 # Below this share of the largest correlation a warning says that the pattern explains little.
 _MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
@@ -38,7 +38,8 @@ Image = NDArray[np.generic]
 class Match:
     """Holds correlations of dot images, -1..1. pattern: rendered with measured dots. geometry: left with right measured
     image at the scene's depth. swapped: the same with the cameras exchanged. possible: the largest correlation that
-    noise allows. frames: ids of the frames used. All correlations are None if no frame shows dots."""
+    noise allows. frames: ids of the frames used. All correlations are None if no frame shows dots, and 0 if the cameras
+    see no surface of the scene in common."""
 
     pattern: float | None
     geometry: float | None
@@ -51,7 +52,12 @@ class Match:
         """Returns one line for each fault of pattern or geometry; none if both are right or nothing is known."""
         if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
             return []
-        limit = _LEAST * self.possible
+        limit = LEAST * self.possible
+        if self.geometry == 0.0:
+            return [
+                "the scene is not where the cameras look: no surface of it is seen by both of them: check "
+                "camera_to_world, and the scene's place and units; no effect explains this"
+            ]
         if self.geometry < limit and self.swapped > max(limit, self.geometry):
             return [
                 f"the cameras are exchanged: at the scene's depth the images correlate {self.swapped:.2f} with left "
@@ -71,10 +77,14 @@ class Match:
                 "explains this"
             ]
         if self.pattern < _MUCH * self.possible:
+            told = f"the rendered dots correlate {self.pattern:.2f} with the measured ones, of {self.possible:.2f}"
+            advice = "measure it by 'activestereo calibrate pattern' or 'calibrate dots'"
+            if self.geometry < _MUCH * self.possible:
+                told += f", and the cameras' own dots {self.geometry:.2f} at the scene's depth, of as much"
+                advice = f"check camera_to_world and the rig first, then {advice}"
             return [
-                f"the pattern explains little: the rendered dots correlate {self.pattern:.2f} with the measured ones, "
-                f"of {self.possible:.2f} that noise would leave: measure it by 'activestereo calibrate pattern' or "
-                "'calibrate dots'; what an effect is found to explain may be the pattern's"
+                f"the pattern explains little: {told} that noise would leave: {advice}; what an effect is found to "
+                "explain may be the pattern's"
             ]
         return []
 
@@ -105,6 +115,8 @@ def _one(
     inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
     if (known := views[keys[0]].known) is not None:
         inside &= known
+    if not warp.seen.any():
+        return frame.id, 0.0, 0.0, 0.0, 1.0
     if inside.sum() < 1000:
         return None
     noise = 0.0 if noise_model is None else noise_model.mean_variance(np.asarray(measured[keys[0]]), frame.gain)

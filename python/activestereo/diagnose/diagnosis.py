@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, Frame, ImageKey, binned, read_capture, usual_binning, usual_samples
 from activestereo.common.computed_once import computed_once
-from activestereo.common.input_files import read_json
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
-from activestereo.compare.model_file import library, model_json, scene_of
+from activestereo.compare.model_file import find, library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_for_fits, render_halves
 from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
@@ -34,6 +33,7 @@ from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left
 from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
+from activestereo.diagnose.gather import no_infrared
 from activestereo.diagnose.geometry import Geometry
 from activestereo.diagnose.geometry_search import gather_where_it_stands, standing, with_test_frames
 from activestereo.diagnose.goodness import design_effect, excess_of
@@ -101,12 +101,12 @@ class Diagnosis:
     def predict(self, frame: int, side: str = "left") -> NDArray[np.float32]:
         """Returns the image [height][width] in DN that model.json predicts for a frame. Raises KeyError if that image
         was not judged."""
-        return self.predictions()[frame, side]
+        return _image_of(self.predictions(), frame, side)
 
     def residual(self, frame: int, side: str = "left") -> NDArray[np.float32]:
         """Returns measured minus predicted image [height][width] in DN under model.json. Raises KeyError if that image
         was not judged."""
-        return self.residuals()[frame, side]
+        return _image_of(self.residuals(), frame, side)
 
     def sets(self) -> list[list[str]]:
         """Returns one list of effect ids for each named effect. It holds the named effect and those that explain the
@@ -114,7 +114,8 @@ class Diagnosis:
         return [list(s["effects"]) for s in self.result["sets"]]
 
     def explain(self, effect_id: str) -> str:
-        """Returns a sentence on why an effect was named, or why not."""
+        """Returns a sentence on why an effect was named, or why not. Raises ValueError for an unknown effect."""
+        find({**library(), **dict.fromkeys(self.result.get("own", ()))}, effect_id)
         return explained(self.result, effect_id)
 
     def plot(self) -> Figure:
@@ -130,6 +131,12 @@ class Diagnosis:
     def _repr_html_(self) -> str:
         """Returns the verdict and the first rows of the ranking as HTML, for a notebook."""
         return html_of(self.result)
+
+
+def _image_of(images: Mapping[ImageKey, NDArray[np.float32]], frame: int, side: str) -> NDArray[np.float32]:
+    if (frame, side) not in images:
+        raise KeyError(f"frame {frame}, {side} was not judged: there are {sorted(images)}")
+    return images[frame, side]
 
 
 def diagnose(
@@ -156,7 +163,8 @@ def diagnose(
     from, None for the built-in ones. samples_per_pixel: of the path tracer, for the search and the held-out errors;
     None = usual_samples(). progress: called with the fraction done; a Phases that begins with PHASES is told of each
     phase. rendering: makes a capture's render engine, to which effects of light transport are fitted
-    (diagnose/refit.py). engines: as in compare(), for the held-out errors. binning: the search averages blocks of
+    (diagnose/refit.py); None = kuafu if renderer is None, else formulas. engines: as in compare(), for the held-out
+    errors. binning: the search averages blocks of
     binning x binning pixels, None for usual_binning(); held-out errors use full-size images. says: called with progress
     texts. The first one names the likeliest effects, unless a cached diagnosis answers; further ones are as in
     Settings. reference: captures of the same unit from when it worked well, only for rooms that `calibrate world`
@@ -164,7 +172,7 @@ def diagnose(
     """
     effects = library() if effects is None else effects
     candidates = list(effects.values())
-    reason = _no_infrared(capture_path)
+    reason = no_infrared(capture_path)
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
@@ -179,9 +187,12 @@ def diagnose(
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
+        from activestereo.compare.engine_prediction import engine_changes, engines_of
         from activestereo.effects.engines import CaptureRenderer
 
-        renderer = CaptureRenderer()
+        traced = "auto", samples_per_pixel, max_bounces, seed
+        renderer, engines = CaptureRenderer(), engines or engines_of(*traced)
+        rendering = rendering or (lambda capture: engine_changes(capture, *traced))
     tracer: Renderer = renderer
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
@@ -220,7 +231,8 @@ def diagnose(
     errors = ErrorsOfModels(whole, base, seed, engines, phases, kept)
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
     options = made, searched, capture.binning, numbers, rendering is None, engines is None
-    key = None if model is not None else key_of(whole, effects, *options)
+    is_given = isinstance(model, SensorModel) or bool(known.effects)
+    key = None if is_given else key_of(whole, effects, *options)
     tell = says or (lambda text: None)
     known_before = None if key is None else found_before(kept, key, whole)
     if known_before is not None:  # its images are made from kept renders
@@ -244,23 +256,6 @@ def diagnose(
     if key is not None and diagnosis.sensor_model is not None:
         keep(kept, key, (diagnosis.result, diagnosis.sensor_model, diagnosis.stub))
     return replace(diagnosis, made=made, kept_as=key)
-
-
-def _no_infrared(capture_path: str | Path) -> str | None:
-    """Returns the reason why a capture without infrared images cannot be judged; None if it has some or cannot be read.
-
-    Depth alone cannot distinguish effects: nearly all of them fit it.
-    """
-    folder = Path(capture_path)
-    file = folder if folder.name == "capture.json" else folder / "capture.json"
-    if not file.is_file():
-        return None  # read_capture reports the error
-    try:
-        frames = read_json(file)["frames"]
-        missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None
 
 
 def _undetermined(reason: str, model: Model) -> Diagnosis:

@@ -8,10 +8,12 @@ model found so far removes such errors from the estimate.
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture
+from activestereo.common.input_files import read_json
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import (
@@ -198,3 +200,20 @@ def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Seque
     return replace(
         evidence, train=weighed, noise_model=noise_model, noise_variances=evidence.noise_variances | variances,
     )  # fmt: skip
+
+
+def no_infrared(capture_path: str | Path) -> str | None:
+    """Returns the reason why a capture without infrared images cannot be judged; None if it has some or cannot be read.
+
+    Depth alone cannot distinguish effects: nearly all of them fit it.
+    """
+    folder = Path(capture_path)
+    file = folder if folder.name == "capture.json" else folder / "capture.json"
+    if not file.is_file():
+        return None  # read_capture reports the error
+    try:
+        frames = read_json(file)["frames"]
+        missing = frames and all(frame.get("left") is None and frame.get("right") is None for frame in frames)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return "the capture has no infrared images: depth alone fits nearly every effect" if missing else None

@@ -179,7 +179,7 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
     entry = next((entry for entry in result["ranking"] if entry["effect"] == effect_id), None)
     if entry is None:
         return f"{effect_id} explains next to nothing of the images"
-    gain = f"{effect_id} explains {entry['gain_reduced_chi2']:.3g} noise variances ({entry['score_nats']:.0f} nats)"
+    gain = f"{effect_id} explains {_size(entry)}"
     if effect_id in result["added"]:
         others = ", ".join(entry["equivalent"])
         return f"{gain} and was named" + (f"; this recording cannot tell it from {others}" if others else "")
@@ -188,20 +188,30 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
         return f"{gain}, more than any other effect, and was not named: the verdict is '{result['verdict']}'"
     if effect_id in first["equivalent"]:
         return f"{gain}: this recording cannot tell it from {first['effect']}"
-    rest = f"{first['effect']} explains {first['gain_reduced_chi2']:.3g} ({first['score_nats']:.0f} nats)"
-    return f"{gain}, {rest}"
+    return f"{gain}, {first['effect']} explains {_size(first)}"
+
+
+def _size(entry: Mapping[str, Any]) -> str:
+    """Returns an effect's gain; in measured rooms there is none but nats."""
+    nats, gain = f"{entry['score_nats']:.0f} nats", entry["gain_reduced_chi2"]
+    return nats if gain is None else f"{gain:.3g} noise variances ({nats})"
 
 
 def ranking_figure(result: Mapping[str, Any]) -> Figure:
-    """Returns a bar chart of the first effects' gains in noise variances; bars of named effects are coloured."""
+    """Returns a bar chart of the first effects' gains, largest first, in noise variances; in measured rooms in nats.
+    Bars of named effects are coloured."""
     from matplotlib.figure import Figure
 
-    entries = result["ranking"][:_BARS][::-1]
+    entries = result["ranking"][:_BARS]
+    key, unit = "gain_reduced_chi2", "noise variances"
+    if any(entry[key] is None for entry in entries):
+        key, unit = "score_nats", "nats"
+    entries = sorted(entries, key=lambda entry: entry[key])
     figure = Figure(figsize=(6.4, 0.6 + 0.3 * max(len(entries), 1)), layout="constrained")
     axes = figure.subplots()
     colours = ["C0" if entry["effect"] in result["added"] else "0.8" for entry in entries]
-    axes.barh([entry["effect"] for entry in entries], [entry["gain_reduced_chi2"] for entry in entries], color=colours)
-    axes.set_xlabel("explained, noise variances")
+    axes.barh([entry["effect"] for entry in entries], [entry[key] for entry in entries], color=colours)
+    axes.set_xlabel(f"explained alone, {unit} (blue: named)")
     return figure
 
 

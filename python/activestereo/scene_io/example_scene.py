@@ -110,7 +110,7 @@ def _wood_png(width: int = 1024, height: int = 572, planks: int = 6) -> bytes:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
-    if len(arguments) != 1:
+    if len(arguments) != 1 or arguments[0].startswith("-"):
         print("usage: python -m activestereo.scene_io.example_scene FILE.gltf|FILE.glb", file=sys.stderr)
         return 2
     try:

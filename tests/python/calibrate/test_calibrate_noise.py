@@ -203,7 +203,7 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     ask, model, clean = ["calibrate", "noise", folder, "-o", out], NoiseModel("gamma", 400.0, 0.5, 5.0), clean_image(3)
     for file in files[:3]:
         file.unlink()
-    assert "9 repeats, at least 10" in refused(ask, capsys)
+    assert "9 repeats in " in refused(ask, capsys)
     for says, image in (
         ("the repeats move", lambda i: np.roll(drawn(model, clean, 1, i)[0], i // 6, axis=1)),  # by a pixel half way
         ("brightness drifts", lambda i: drawn(model, clean * (1 + 0.01 * i), 1, i)[0]),

@@ -16,6 +16,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
+from activestereo.compare.compare import compare
 from activestereo.compare.model_file import library, read_model, write_model
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
@@ -205,7 +206,27 @@ def test_the_answer_is_an_object_to_work_with(hidden_shading):
     assert "and was named" in diagnosis.explain("vignetting")
     assert "vignetting explains" in diagnosis.explain("projector_vignetting")
     assert diagnosis.explain("haze") == "haze explains next to nothing of the images"
-    assert len(diagnosis.plot().axes[0].patches) > 0
+    with pytest.raises(ValueError, match="there is no effect 'vignettng'|vignettng"):
+        diagnosis.explain("vignettng")
+    with pytest.raises(KeyError, match="frame 99, left was not judged: there are"):
+        diagnosis.predict(99)
+    widths = [bar.get_width() for bar in diagnosis.plot().axes[0].patches]
+    assert widths and widths == sorted(widths)
+
+
+def test_without_a_renderer_python_judges_by_the_engines_of_the_command_line(lab_world, monkeypatch):
+    class Asked(Exception):
+        pass
+
+    def engines_of(*sampled):
+        raise Asked(sampled)
+
+    monkeypatch.setattr("activestereo.compare.engine_prediction.engines_of", engines_of)
+    for judge in (compare, diagnose):
+        with pytest.raises(Asked, match="'auto', None, 8, 0"):
+            judge(lab_world.capture_path)
+    with pytest.raises(TypeError, match="unknown settings: spp; there are renderer, samples_per_pixel"):
+        Lab(lab_world.capture_path, spp=3)
 
 
 def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world, lab_cache):

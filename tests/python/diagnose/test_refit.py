@@ -19,8 +19,7 @@ from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.linear import linearised
 from activestereo.diagnose.numbers import NUMBERS
-from activestereo.diagnose.refit import fitted_to_renders, missed_share, refit_free_curve
-from activestereo.diagnose.search import Search
+from activestereo.diagnose.refit import fitted_to_renders, missed_share, refit_at_peaks, refit_free_curve
 from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from activestereo.effects.core.view import Layers
@@ -159,8 +158,7 @@ def test_an_earlier_name_starts_again_within_its_range(clean):
     peaked = replace(dark_corners, starts=lambda images: [{"amount": 0.9}])
     model = Model().with_effect(peaked, amount=0.1)
     fitter, both = fit(clean, ParameterSpace.of(model, builtin()["gain_error"]), 0)
-    found = Search._refit_at_peaks(SimpleNamespace(_fitter=fitter), both)
-    assert found.theta[0] == pytest.approx(0.0, abs=0.01)
+    assert refit_at_peaks(fitter, both).theta[0] == pytest.approx(0.0, abs=0.01)
 
 
 def brightened(light, view, amount, formula):
