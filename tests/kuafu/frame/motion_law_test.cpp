@@ -35,17 +35,6 @@ TEST(Motion, rolling_shutter_shears_a_moving_bar) {
   }
 }
 
-TEST(Motion, exposure_blurs_a_moving_edge_by_a_box) {
-  World world;
-  const uint32_t bar = world.add(quad({-50, 0, 2}, {-50, 0, 0}, {0, 50, 0}), emitter(1.0f));
-  set_velocity(world, bar, {20, 0, 0});
-  kuafu_view_desc view = view_at({0, 0, 0}, 41, 5, 100);
-  view.camera.exposure_s = 0.01;  // 10 pixels
-  const Pixels image = world.radiance(view, 256);
-  const auto integral = [](double x) { return x < -5 ? x : x > 5 ? 0.0 : x - (x + 5) * (x + 5) / 20; };
-  for (uint32_t c = 0; c < 41; ++c) EXPECT_NEAR(image.at(0, 2, c), integral(c - 19.5) - integral(c - 20.5), 0.012) << "column " << c;
-}
-
 /// Normals and depths of a plate that turns about the y axis, by its angle at each row's time.
 TEST(Motion, aovs_are_those_of_the_row_s_time) {
   World world;

@@ -160,20 +160,6 @@ TEST(Lights, samplings_agree_on_gloss_under_every_light) {
   }
 }
 
-TEST(Lights, many_lights_cost_one_shadow_ray_and_keep_their_mean) {
-  double means[2];
-  for (const int split : {1, 8}) {  // one rectangle, or 8 x 8 of it side by side
-    World world;
-    for (int i = 0; i < split * split; ++i) {
-      kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
-      light.size_m[0] = light.size_m[1] = 1.0 / split;
-      world.add_light(light, placed({(i % split + 0.5) / split - 0.5, (i / split + 0.5) / split - 0.5, 0}));
-    }
-    means[split > 1] = irradiance_at_floor(world, 512);
-  }
-  EXPECT_NEAR(means[1] / means[0], 1, 0.01);
-}
-
 /// Environment map with a bright patch of `size` texels around +z of the map; returns floor irradiance.
 double under_map(uint32_t sampling, double yaw, float sky, int size) {
   World world;

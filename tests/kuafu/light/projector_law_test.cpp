@@ -64,15 +64,6 @@ TEST(Projector, is_dark_in_the_visible_band_by_default) {
   EXPECT_EQ(world.radiance(visible(view_at({0, 0, 0}, 4, 4, 100))).mean(), 0.0);
 }
 
-TEST(Projector, direct_light_through_smooth_glass_and_mirrors_is_direct) {
-  World world;
-  world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), lambert(0.6f));
-  world.add(box({0.3, 0.3, 0.01}, {0, 0, 0.2}), glass(1.5f));
-  world.add_projector(uniform_pattern, 9, 9, 8, 3.0f, placed({0, 0, 0.3}));  // behind the pane, in front of the wall
-  auto images = world.render({view_at({0, 0, 0}, 8, 8, 40)}, {KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT});
-  EXPECT_GT(images[KUAFU_OUTPUT_PROJECTOR_DIRECT].mean(), 0.5);
-}
-
 TEST(Lights, choosing_one_of_many_by_power_is_unbiased) {
   // Twelve lights of very different power together against the sum of each alone.
   const auto build = [](World& world, int only) {

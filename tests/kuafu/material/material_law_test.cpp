@@ -10,13 +10,6 @@ TEST(Furnace, a_lambertian_plane_shows_albedo_times_environment) {
     for (const float v : in_furnace(lambert(albedo), 0.7, 64).values) ASSERT_NEAR(v, albedo, 1e-4);
 }
 
-TEST(Furnace, a_white_lambertian_ball_vanishes) {
-  World world;
-  world.add(sphere(0.5, 24, false), lambert(1.0f), placed({0, 0, 2}));
-  world.set_environment(1.0f);
-  for (const float v : world.radiance(view_at({0, 0, 0}, 32, 32, 60)).values) ASSERT_NEAR(v, 1.0f, 1e-3);
-}
-
 TEST(Furnace, clear_glass_vanishes) {
   World world;
   world.add(sphere(0.5, 16, false), glass(1.5f), placed({0, 0, 2}));

@@ -114,16 +114,6 @@ TEST(Sampling, first_sample_continues_the_sequence) {
     ASSERT_NEAR(all.values[i], (first.values[i] + second.values[i]) / 2, 1e-5f * (1 + all.values[i])) << i;
 }
 
-// Many samples take several passes over each pixel (256 at a time); the sums must join.
-TEST(Sampling, passes_join) {
-  World world;
-  furnish(world);
-  const kuafu_view_desc view = view_at({0, 0, 0}, 16, 10, 15);
-  world.desc().samples_per_pixel = 600;
-  const double all = world.radiance(view).mean();
-  EXPECT_NEAR(all, world.radiance(view, 256).mean(), 0.01 * all);
-}
-
 TEST(Sampling, pixels_integrate_a_box) {
   // An edge through a pixel: its value is the covered share, and the neighbours know nothing of it.
   for (const double share : {0.1, 0.5, 0.8}) {
@@ -153,19 +143,6 @@ TEST(Sampling, stratified_edges_beat_independent_samples) {
   }
   ASSERT_GT(count, 20);
   EXPECT_LT(std::sqrt(squares / count), 0.02);
-}
-
-TEST(Sampling, tracers_agree) {
-  SKIP_IF(why_not(KUAFU_TRACER_EMBREE));
-  std::vector<float> images[2];
-  for (const uint32_t tracer : {KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE}) {
-    World world(tracer);
-    furnish(world);
-    images[tracer - KUAFU_TRACER_EMBREE] = world.radiance(left).values;
-  }
-  size_t different = 0;
-  for (size_t i = 0; i < images[0].size(); ++i) different += std::abs(images[0][i] - images[1][i]) > 0.02f * (0.05f + images[0][i]);
-  EXPECT_LT(double(different), 0.01 * double(images[0].size()));
 }
 
 TEST(Estimator, many_seeds_at_four_samples_have_the_mean_of_many_samples) {
