@@ -315,14 +315,5 @@ TEST(CancelOfSimsense, WhatFollowsHasTheBitsOfAnEngineThatWasNeverCancelled) {
   EXPECT_EQ(cancelled.disparity, plain.disparity);
 }
 
-TEST(CancelOfSimsense, AWaitTakesATimeout) {
-  SmallMatch work(open_host_device());
-  ks_sync sync = ks_sync_init();
-  EXPECT_EQ(simsense_engine_wait_for(work.engine, &sync, 0), KS_OK) << "what ran on the host has ended";
-  sync.kind = KS_SYNC_TIMELINE, sync.value = 1;
-  EXPECT_EQ(simsense_engine_wait_for(work.engine, &sync, 0), KS_ERROR_INVALID_ARGUMENT);
-  EXPECT_EQ(simsense_engine_wait_for(nullptr, &sync, 0), KS_ERROR_INVALID_ARGUMENT);
-}
-
 }  // namespace
 }  // namespace ks::test

@@ -190,29 +190,4 @@ TEST(Outputs, SpecklesGoAndHolesFill) {
   EXPECT_EQ(invalid(), 0);
 }
 
-TEST(Outputs, SixteenBitCountsReachTheMatcher) {
-  // A texture of 3 counts in 4096: nothing of it is left in 8 bits.
-  std::mt19937 random(2);
-  std::vector<uint16_t> texture((width + shift) * height), left(width * height), right(left.size());
-  for (uint16_t& value : texture) value = static_cast<uint16_t>(2000 + random() % 4);
-  for (uint32_t y = 0; y < height; ++y)
-    for (uint32_t x = 0; x < width; ++x) {
-      left[y * width + x] = texture[y * (width + shift) + x];
-      right[y * width + x] = texture[y * (width + shift) + x + shift];
-    }
-  const EngineHandle engine = open_engine(rig(), parameters());
-  const auto fill = [&](uint32_t bits, float gain) {
-    simsense_signal s = simsense_signal_init();
-    s.bit_depth = bits;
-    s.gain = gain;
-    EXPECT_EQ(simsense_engine_set_signal(engine.get(), &s, &s), KS_OK);
-    std::vector<float> disparity(left.size());
-    expect_computed(engine, host_image(left, shape), host_image(right, shape),
-                    {output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, shape))});
-    return std::count_if(disparity.begin(), disparity.end(), [](float d) { return std::abs(d - shift) < 0.5f; });
-  };
-  EXPECT_GT(fill(12, 1), width * height * 4 / 5);
-  EXPECT_LT(fill(8, 1.0f / 16), width * height / 5);
-}
-
 }  // namespace

@@ -77,20 +77,6 @@ TEST(Rectification, PutsAPointOnOneRowWithDisparityFocalTimesBaselineOverDepth) 
   EXPECT_GT(checked, 80);
 }
 
-TEST(Rectification, OfAnIdealPairIsTheIdentity) {
-  simsense_rig_desc rig = ideal_rig();
-  rig.rectified = 0;
-  const Rectification r = make_rectification(rig);
-  EXPECT_NEAR(r.geometry.camera.fx, 215, 1e-9);
-  EXPECT_NEAR(r.geometry.camera.cx, 159.5, 1e-4);
-  EXPECT_NEAR(r.geometry.camera.cy, 119.5, 1e-4);
-  for (uint32_t v = 0; v < 240; v += 7)
-    for (uint32_t u = 0; u < 320; u += 7) {
-      EXPECT_NEAR(r.left.x[v * 320 + u], u, 1e-3);
-      EXPECT_NEAR(r.right.y[v * 320 + u], v, 1e-3);
-    }
-}
-
 TEST(Rectification, OfARectifiedPairKeepsItsCalibration) {
   simsense_rig_desc rig = ideal_rig();
   rig.right.k[2] += 4.25;
@@ -322,21 +308,6 @@ TEST(OpenCv, UndistortsPixelsToTheSameRays) {
     }
   }
   EXPECT_GT(compared, 40'000);
-}
-
-TEST(RayOfPixel, IsBentBackToItsPixel) {
-  Rigs rigs;
-  for (int n = 0; n < 100; ++n) {
-    const simsense_camera camera = rigs.next().left;
-    const ks_lens& lens = camera.lens;
-    for (double x = -0.4; x < 0.41; x += 0.1)
-      for (double y = -0.4; y < 0.41; y += 0.1) {
-        const ks::LensImage seen = ks::distorted(lens, x, y);
-        const Normalised ray = ray_of_pixel(camera, camera.k[0] * seen.x + camera.k[2], camera.k[4] * seen.y + camera.k[5]);
-        ASSERT_NEAR(ray[0], x, 1e-10);
-        ASSERT_NEAR(ray[1], y, 1e-10);
-      }
-  }
 }
 
 TEST(RayOfPixel, BeyondTheFoldIsThatOfAPinhole) {
