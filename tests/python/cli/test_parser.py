@@ -14,7 +14,6 @@ from activestereo.cli.arguments import EXIT_CODES, Parser
 from activestereo.cli.simulate import failing
 from activestereo.common.accuracy import NOTHING, Accuracy
 from activestereo.common.own_files import outside_allowed
-from activestereo.diagnose.numbers import NUMBERS
 from activestereo.report.screen import Figure, command, screen
 from command_line import leaves, led_on, refused, run_here
 from lab_worlds import with_device_depth
@@ -96,8 +95,6 @@ def test_no_help_has_a_broken_default_and_rare_options_are_found():
         short = parser.format_help()
         assert " ".join(short.split()) == every or "more (--help-all): " in short, name
         assert len(short.splitlines()) < 130, name
-    told = leaves()["diagnose"].format_help()
-    assert f"(--alpha {NUMBERS.alpha:g})" in told and f"removes {NUMBERS.least_share:g} of the squared error" in told
 
 
 LINES = {

@@ -42,15 +42,6 @@ def test_light_is_that_of_path_tracing(views, light):
     assert error(by_geometry, truth, light) < 0.03 + 2.0 * error(few, truth, light)
 
 
-def test_light_off_the_first_surface_has_no_noise(device, tmp_path):
-    capture = trial_capture(tmp_path)
-    requests = (rig_request(capture, capture.frames[0], 4, 4, seed, sampling_of(capture.rig, 2)) for seed in (0, 1))
-    first, second = (CaptureRenderer(device)(request)[0] for request in requests)
-    for light in ("direct", "flat"):
-        np.testing.assert_array_equal(getattr(first, light), getattr(second, light))
-    assert (first.indirect != second.indirect).mean() > 0.5
-
-
 def test_bounced_light_without_dots_is_that_with_dots_but_less_noisy(device, tmp_path, monkeypatch):
     capture = trial_capture(tmp_path)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from activestereo.common.lens import distort
 from activestereo.effects import Light, builtin
 from activestereo.effects.core.descriptor import Stage
 from activestereo.effects.core.dots import DotView
@@ -65,14 +64,6 @@ def test_projector_defocus_blurs_by_depth(nominal):
     assert np.mean((truth.direct - modelled.direct)[here] ** 2) < 0.03 * change
 
 
-def test_baseline_drift_is_another_baseline(nominal):
-    light, view = nominal
-    truth, _ = seen(baseline_m=0.052)
-    # Linear resampling of pixel means and new occlusions leave the rest.
-    modelled = EFFECTS["baseline_drift"](light, view, offset_m=0.002)
-    assert unexplained(light, truth, modelled) < 0.35
-
-
 @pytest.mark.parametrize("delay_s", [0.01, -0.01])
 def test_exposure_desync_is_the_view_of_the_moved_rig(nominal, delay_s):
     light, view = nominal
@@ -121,15 +112,6 @@ def test_a_wedge_moves_by_the_squared_radius():
     x, y, drawn_x, drawn_y = positions("thin_prism", example_view(), s1=0.01, s3=-0.006)
     assert x + 0.01 * (x * x + y * y) == pytest.approx(drawn_x, abs=2e-4)
     assert y - 0.006 * (x * x + y * y) == pytest.approx(drawn_y, abs=2e-4)
-
-
-def test_decentring_is_a_tilt_and_a_wedge_to_second_order():
-    """p2 moves x by 3 x^2 + y^2 and y by 2 x y: a tilt by x^2 and x y, a wedge by x^2 + y^2."""
-    p2, at = 0.002, np.linspace(-0.4, 0.4, 9)
-    x, y = np.meshgrid(at, at)
-    along_x, along_y = distort(x, y, (0.0, 0.0, 0.0, p2, 0.0))
-    assert along_x - x == pytest.approx(p2 * (x * x + y * y) + 2 * p2 * x * x)
-    assert along_y - y == pytest.approx(2 * p2 * x * y)
 
 
 def test_an_askew_imager_keeps_lines_straight_and_the_middle_in_its_place():

@@ -5,7 +5,6 @@ light."""
 import sys
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,7 +16,7 @@ from activestereo.compare.render import render_frames
 from activestereo.effects import Light, Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.core.resample import blur
-from activestereo.common.lens import distort, to_tangents, undistort
+from activestereo.common.lens import to_tangents, undistort
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.engines.layers import Sampling
@@ -58,15 +57,6 @@ def truth(camera, to_ideal):
             drawn = (u + a - camera.K[0, 2]) / camera.K[0, 0], (v + b - camera.K[1, 2]) / camera.K[1, 1]
             total = total + radiance(*to_ideal(*drawn))
     return total / 256
-
-
-def test_lens_distortion_is_opencvs_and_undistort_inverts_it():
-    x, y = np.random.default_rng(1).uniform(-0.7, 0.7, (2, 500))
-    drawn = np.stack(distort(x, y, LENS), axis=1)
-    points = np.stack([x, y, np.ones_like(x)], axis=1)
-    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.eye(3), LENS)
-    np.testing.assert_allclose(drawn, expected[:, 0], atol=1e-12)
-    np.testing.assert_allclose(undistort(*drawn.T, LENS), (x, y), atol=1e-7)
 
 
 def test_a_warp_of_fine_images_is_sharp_up_to_the_border():

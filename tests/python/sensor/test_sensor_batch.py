@@ -93,14 +93,6 @@ def test_several_sensors_in_each_environment(config):
     np.testing.assert_allclose(truth, [[0.8, 0.6], [1.0, 0.8]], rtol=0.02)
 
 
-def test_what_is_read_late_is_of_the_same_picture(config):
-    batch = with_depth(StereoDepthSensorBatch(config, Mounts(walls([0.8, 1.0], 2), [FORWARD] * 2)), infrared_only=True)
-    late = batch.get_depth_map("confidence"), batch.get_disparity()
-    batch.compute_depth()  # now all at once
-    np.testing.assert_array_equal(late[0], batch.get_depth_map("confidence"))
-    np.testing.assert_array_equal(late[1], batch.get_disparity())
-
-
 def test_poses_of_torch_go_in_and_depth_goes_out_without_a_copy(config):
     torch = pytest.importorskip("torch", reason="the package torch is not installed (pip install torch)")
     mounts = Mounts(walls([0.8, 1.0], 2), torch.tensor([FORWARD] * 2, dtype=torch.float32))
