@@ -109,16 +109,6 @@ TEST(Registration, EqualsTheReferenceThroughRotationsAndLens) {
   }
 }
 
-TEST(Registration, RotatesTheRectifiedRayBackFirst) {
-  // A left camera whose rectified frame is turned by R1, and an RGB camera that stands in the rectified frame itself: nothing moves.
-  StereoGeometry g = straight();
-  const Rigid turn = pose(0.1, 0.2, -0.15, 0, 0, 0);
-  g.left_to_rectified = turn.rotation;
-  const auto depth = bumpy();
-  const auto out = registered(g, camera(width, height, 100), turn, depth);
-  for (size_t i = 0; i < depth.size(); ++i) EXPECT_NEAR(out[i], depth[i], 1e-5);
-}
-
 TEST(Registration, NearestSurfaceWins) {
   // A near strip in front of a far wall; the RGB camera 100 mm to the right sees the strip shifted by 20 px and the wall by 5.
   std::vector<float> depth(width * height, 2.0f);
