@@ -41,9 +41,9 @@ def _found() -> dict[str, Effect]:
 
 def known_differences() -> dict[str, float]:
     """Returns {effect id: relative difference between its fast image and the engines' image}, as `activestereo effect
-    check --all --out` last measured it; empty if it never ran."""
+    check --all --out` last measured it."""
     file = Path(__file__).parent / "differences.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
 __all__ = [

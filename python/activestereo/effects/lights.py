@@ -213,14 +213,8 @@ def second_projector(
 ) -> None:
     """A second unit on the same rig projects the same pattern from another position. It shines also while the rig's
     projector is off."""
-    own = inputs.projector
-    if own is None:
-        return
-    place = rigid_motion((offset_x_m, offset_y_m, 0.0), rotation((0.0, 1.0, 0.0), yaw_rad))
-    inputs.add_unit(
-        on_rig=True, name="second projector", light_to_world=own.light_to_world @ place, intensity_m2=intensity_m2,
-        linear_velocity=own.linear_velocity, angular_velocity=own.angular_velocity,
-    )  # fmt: skip
+    pose = rigid_motion((offset_x_m, offset_y_m, 0.0), rotation((0.0, 1.0, 0.0), yaw_rad))
+    inputs.add_unit("second projector", intensity_m2, pose, on_rig=True)
 
 
 @engine_effect(
@@ -252,5 +246,5 @@ def room_projector(
 ) -> None:
     """A unit that stands in the room projects the same pattern. It shines also while the rig's projector is off, and it
     stays when the rig moves."""
-    place = rigid_motion((x_m, y_m, z_m), axes(azimuth_rad, elevation_rad, roll_rad))
-    inputs.add_unit(on_rig=False, name="room projector", light_to_world=place, intensity_m2=intensity_m2)
+    pose = rigid_motion((x_m, y_m, z_m), axes(azimuth_rad, elevation_rad, roll_rad))
+    inputs.add_unit("room projector", intensity_m2, pose, on_rig=False)

@@ -105,11 +105,6 @@ _GRID, _RADIUS = (-0.4, -0.2, 0.0, 0.2, 0.4), 0.15
 _BEST = 3
 
 
-def _left(x: np.ndarray, y: np.ndarray, lost: float, place_x: float, place_y: float, radius: float) -> np.ndarray:
-    """Returns the share of the light that is left at tangents (x, y) of angles from the projector's axis."""
-    return np.clip(1.0 - lost * np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2), 0.0, None)
-
-
 def _starts(images: Sequence[StartImage]) -> list[dict[str, float]]:
     """Returns starting values at the pattern's places where measured dots are dimmest relative to the expected ones. A
     regression of the residual on the dots around a place estimates how dim they are."""
@@ -143,7 +138,8 @@ def dim_dots(inputs: EngineInputs, depth: float, per_k: float, place_x: float, p
     """The projector's light is weaker around a place of the pattern. Warmth makes it weaker still."""
     lost = depth + per_k * inputs.warming_k
     if lost != 0.0:
-        inputs.dim_pattern(lambda x, y: _left(x, y, lost, place_x, place_y, radius))
+        shape = lambda x, y: np.exp(-0.5 * ((x - place_x) ** 2 + (y - place_y) ** 2) / radius**2)  # noqa: E731
+        inputs.dim_pattern(lambda x, y: np.clip(1.0 - lost * shape(x, y), 0.0, None))
 
 
 @engine_effect(

@@ -20,14 +20,13 @@ from activestereo.camera.plan import Pattern, SensorPlan
 from activestereo.capture.capture import Frame
 from activestereo.common.pose import Pose, camera_to_world, carried_twist
 from activestereo.effects.core.descriptor import Effect
-from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine, moved_pose
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import (
     SceneMeasurement,
     bounds_around,
-    copy_camera,
-    copy_light,
+    copy_later,
     copy_record,
     enter_world,
 )
@@ -105,7 +104,7 @@ class Rig:
             infrared = laser_w_sr if light.ir_intensity == np.float32(laser_w_sr) else light.ir_intensity
             for environments, delay_s in instants:
                 # The first record is the inputs' own, which follows the rig's velocity.
-                records = [copy_light(light, delay_s) if n or delay_s else light for n in range(len(environments))]
+                records = [copy_later(light, delay_s) if n or delay_s else light for n in range(len(environments))]
                 for record, environment in zip(records, environments, strict=True):
                     record.environment = environment
                     self._numbers.append(self._scene.add_light(record))
@@ -329,9 +328,8 @@ class RigInputs:
                 kuafu.Camera(**camera, exposure_s=exposure_s),
                 kuafu.Optics(**(plan.config.ir_optics or {})),
                 self._signal(),
-                is_right,
             )  # fmt: skip
-            for camera, is_right in ((plan.left, False), (plan.right, True))
+            for camera in (plan.left, plan.right)
         )
         inputs = EngineInputs(
             left=left,
@@ -357,11 +355,9 @@ class RigInputs:
             raise ValueError(f"such sensors have no {', '.join(names)}: a StereoDepthSensor has, without on_cuda")
         # 3. The cameras.
         cameras = [(side.camera, side.delay_s) for side in inputs.sides]
-        self._cameras_on_rig = [
-            moved_pose(e.camera_to_world, e.linear_velocity, e.angular_velocity, t) for e, t in cameras
-        ]
+        self._cameras_on_rig = [copy_later(camera, delay_s).camera_to_world for camera, delay_s in cameras]
         others = self.environments[1:]
-        self._ir_cameras = [[camera, *(copy_camera(camera, 0.0) for _ in others)] for camera, _ in cameras]
+        self._ir_cameras = [[camera, *(copy_record(camera) for _ in others)] for camera, _ in cameras]
         self._rgb_cameras = [self._rgb_camera() for _ in self.environments]
         return inputs
 

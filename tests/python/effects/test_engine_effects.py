@@ -37,7 +37,7 @@ def engine_inputs() -> EngineInputs:
     frame = Frame(1, None, None, 3.0, 0.004, np.eye(4), "train", gain=2.0, temperature_c=45.0)
     k = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
     signal = simsense.signal_preset("neutral") | {"exposure_s": 0.004, "gain": 2.0, "temperature_c": 45.0}
-    sides = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal), right) for right in (False, True)]
+    sides = [EngineCamera(kuafu.Camera(160, 120, k), kuafu.Optics(), dict(signal)) for _ in range(2)]
     return EngineInputs(
         *sides,
         projector=kuafu.Light(kind="projector", k=k, ir_intensity=1.0),

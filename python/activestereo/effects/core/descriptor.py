@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 
 
 class Channel(Enum):
-    """The data on which an effect is judged: expected images, random fields that are constant over frames, repeats of a
-    frame, or the device's disparity."""
+    """The data on which an effect is judged: see the head of this file."""
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"
@@ -84,12 +83,8 @@ class SharedBy(Enum):
 
 @dataclass(frozen=True)
 class RandomTerm:
-    """Declares one random field or one term of the noise model. Its value is parameter x lever (a signal, see Lever) x
-    a random number of standard deviation 1.
-
-    parameter: the name of the parameter that scales it. sparse_share: the name of the parameter that gives the share of
-    affected pixels; "" = all pixels are affected.
-    """
+    """Declares one random field or one term of the noise model (see Lever). parameter: the name of the parameter that
+    scales it. sparse_share: the name of the parameter that gives the share of affected pixels; "" = all of them."""
 
     parameter: str
     lever: Lever
@@ -99,8 +94,7 @@ class RandomTerm:
 
 @dataclass(frozen=True)
 class CodeSteps:
-    """States that an effect rounds digital numbers to multiples of a step. parameter: the effect's parameter that holds
-    the step in DN."""
+    """Declares that digital numbers are rounded to multiples of a step. parameter: the one that is the step, DN."""
 
     parameter: str
 
@@ -120,8 +114,7 @@ class EngineFault:
 
 @dataclass(frozen=True)
 class Unjudged:
-    """Declares that the lab never ranks the effect, although it is simulated. reason: why a capture does not show
-    it."""
+    """Declares that the lab never ranks the effect, although it is simulated. reason: why no capture shows it."""
 
     reason: str
 
@@ -269,8 +262,7 @@ class Effect:
 
     @property
     def channel(self) -> Channel | None:
-        """Returns the kind of data on which the lab judges the effect. None: the lab does not judge it, for the reason
-        in unjudged_reason."""
+        """Returns the data on which the lab judges the effect. None: it does not, for the reason in unjudged_reason."""
         if any(isinstance(j, Unjudged) for j in self.judged):
             return None
         if self.stage > Stage.DIGITAL:
@@ -344,7 +336,8 @@ def effect(
         name, summary = id or function.__name__, (inspect.getdoc(function) or "").strip()
         if not summary:
             raise ValueError(f"effect {name}: the function needs a docstring, it is what users read")
-        wanted, names = list(inspect.signature(function).parameters)[2:], [p.name for p in parameters]
+        before = 1 if "engine" in others else 2  # arguments before the parameters: (inputs) or (value, view)
+        wanted, names = list(inspect.signature(function).parameters)[before:], [p.name for p in parameters]
         if wanted != names:
             raise ValueError(f"effect {name}: the function takes {wanted}, the parameters are {names}")
         return Effect(name, family, stage, tuple(parameters), function, summary, source, **others)

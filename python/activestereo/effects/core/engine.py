@@ -9,7 +9,7 @@ so a wrong field name is an error. Nothing here runs an engine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture.capture import Frame
 from activestereo.common.lens import to_tangents
-from activestereo.common.pose import motion_of_twist, rigid_motion
+from activestereo.common.pose import rigid_motion
 from activestereo.effects.core.resample import blur
 from activestereo.effects.core.surfaces import material_numbers
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, random_stream
@@ -36,7 +36,6 @@ class EngineCamera:
     camera: kuafu.Camera
     optics: kuafu.Optics
     signal: dict[str, float]
-    is_right: bool
     delay_s: float = 0.0
 
     def move(self, x_m: float) -> None:
@@ -61,10 +60,8 @@ class EngineCamera:
         self.camera.k = k
 
     def add_distortion(self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0) -> None:
-        """Adds Brown's coefficients to the nominal lens' own. To first order, this is the composition of both
-        lenses."""
-        first, second, third, fourth, *others = self.camera.distortion
-        k3, k4, k5, k6 = others
+        """Adds Brown's coefficients to the nominal lens' own: to first order, the composition of both lenses."""
+        first, second, third, fourth, k3, k4, k5, k6 = self.camera.distortion
         self.camera.distortion = (first + k1, second + k2, third + p1, fourth + p2, k3, k4, k5, k6)
 
     def electrons(self, dn: float) -> float:
@@ -118,8 +115,7 @@ class EngineInputs:
         return 0.0 if self.frame.temperature_c is None else self.frame.temperature_c - REFERENCE_TEMPERATURE_C
 
     def surfaces(self, chosen: float) -> Iterator[kuafu.Material]:
-        """Yields each selected material; the scene gets the changes made to it. chosen: the sum of 2^id over the
-        materials' ids; 0 = all."""
+        """Yields each chosen material, as material() does. chosen: the sum of 2^id over their ids; 0 = all."""
         for number in material_numbers(chosen) or range(self.material_count):
             yield self.material(number)
 
@@ -134,21 +130,18 @@ class EngineInputs:
         """Returns the lights that effects have added: first those on the rig, then those in the world."""
         return [*self.rig_lights, *self.lights]
 
-    def add_unit(
-        self, *, on_rig: bool, name: str, light_to_world: NDArray[np.float64], intensity_m2: float, **fields: Any
-    ) -> None:
-        """Adds a second projector with the rig's pattern. If on_rig, it moves with the rig; otherwise it stands in the
-        world. light_to_world: its pose [4][4]. intensity_m2: its radiant intensity over the ambient radiance, m^2.
-        `fields`: more fields of kuafu.Light. Does nothing at intensity 0, or if the rig has no projector."""
+    def add_unit(self, name: str, intensity_m2: float, pose: NDArray[np.float64], *, on_rig: bool) -> None:
+        """Adds a second projector with the rig's pattern. intensity_m2: its radiant intensity over the ambient
+        radiance, m^2. pose: [4][4], from the rig's projector if it moves with the rig (on_rig), else in the world. Does
+        nothing at intensity 0, or if the rig has no projector."""
         own = self.projector
         if own is None or intensity_m2 == 0.0:
             return
+        alike = ["k", "pattern_scale", "dots", "pattern_width", "pattern_height", "dot_sigma_px", "dot_background"]
+        alike += ["linear_velocity", "angular_velocity"] if on_rig else []
         unit = kuafu.Light(
-            kind="projector", name=name, k=own.k, light_to_world=light_to_world,
-            ir_intensity=intensity_m2 * self.ambient_radiance,
-            pattern_scale=own.pattern_scale, dots=own.dots, pattern_width=own.pattern_width,
-            pattern_height=own.pattern_height,
-            dot_sigma_px=own.dot_sigma_px, dot_background=own.dot_background, **fields,
+            kind="projector", name=name, light_to_world=own.light_to_world @ pose if on_rig else pose,
+            ir_intensity=intensity_m2 * self.ambient_radiance, **{n: getattr(own, n) for n in alike},
         )  # fmt: skip
         (self.rig_lights if on_rig else self.lights).append(unit)
 
@@ -186,8 +179,7 @@ class EngineInputs:
             side.signal["speckle_shape"], side.signal["speckle_scale"] = 1.0 / variance, mean * variance
 
     def rng(self, name: str) -> np.random.Generator:
-        """Returns a random generator for one effect, the same for both cameras and all frames. It equals View.rng(name,
-        per='rig')."""
+        """Returns one effect's random generator, the same for both cameras and all frames: View.rng(name, "rig")."""
         return random_stream(self.seed, name)
 
 
@@ -219,16 +211,6 @@ def angles(along: np.ndarray) -> tuple[float, float]:
     """Returns (azimuth, elevation) in radians of a world direction [3], as in axes()."""
     x, y, z = along / np.linalg.norm(along)
     return float(np.arctan2(x, z)), float(np.arcsin(np.clip(y, -1.0, 1.0)))
-
-
-def moved_pose(
-    pose: NDArray[np.float64], linear: Sequence[float], angular: Sequence[float], time_s: float
-) -> NDArray[np.float64]:
-    """Returns the pose [4][4] after time_s of a body that is at `pose` at time 0: pose exp(t [v, w]). linear (m/s),
-    angular (rad/s): its twist in its own frame."""
-    if time_s == 0.0:
-        return pose.copy()
-    return pose @ motion_of_twist(time_s * np.concatenate([linear, angular]))
 
 
 def apply_engine(

@@ -36,12 +36,13 @@ def broken_laws(effect: Effect) -> list[str]:
         last = traceback.extract_tb(error.__traceback__)[-1]
         said = f"fails at {Path(last.filename).name}, line {last.lineno}: {type(error).__name__}: {error}"
         return [f"{effect.id}: {said}"]
-    shape = None if isinstance(value, Light) else value.shape
-    if isinstance(given, Light) != (shape is None) or (shape and np.shape(given) != shape):
-        wanted = f"an array of shape {shape}" if shape else "a Light"
-        found = f"an array of shape {given.shape}" if isinstance(given, np.ndarray) else type(given).__name__
-        return [f"{effect.id}: returns {found}, not {wanted}"]
+    if _kind(given) != _kind(value):
+        return [f"{effect.id}: returns {_kind(given)}, not {_kind(value)}"]
     return [f"{effect.id}: {said}" for said in _broken(effect, value, view)]
+
+
+def _kind(value: Any) -> str:
+    return f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"
 
 
 def example_view(side: str = "right") -> View:
@@ -106,7 +107,7 @@ def _same(a: np.ndarray, b: np.ndarray, tolerance: float = 0.0) -> bool:
 
 
 def _broken(effect: Effect, value: Any, view: View) -> Iterator[str]:
-    """Yields a sentence for each broken law, in the order of the head of this file."""
+    """Yields a sentence for each broken law."""
     base, given = effect.typical_values, deepcopy(value)
     if not _same(effect(value, view, **effect.neutral_values), value, 1e-6):
         yield "neutral parameters change the image"

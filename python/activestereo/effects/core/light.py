@@ -145,8 +145,7 @@ class Light(Remembering):
         return later.light()
 
     def is_changed(self, names: tuple[str, ...]) -> bool:
-        """Returns whether effects have changed the sum of the named images since the supersampled images were
-        rendered."""
+        """Returns whether effects have changed the named images' sum since the supersampled ones were rendered."""
 
         def changed() -> bool:
             before = self.rendered(names)
@@ -155,8 +154,7 @@ class Light(Remembering):
         return self.once(("changed", names), changed)
 
     def rendered(self, names: tuple[str, ...]) -> np.ndarray:
-        """Returns the sum of the named images as rendered: means of the supersampled images over the pixels,
-        [height][width]."""
+        """Returns the named images' sum as rendered, [height][width]: the supersampled images' means over pixels."""
         assert self.supersampled is not None
         return self.supersampled.sum_of(_places(names)).pixels()[0]
 

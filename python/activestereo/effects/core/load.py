@@ -48,8 +48,7 @@ def load_plugin(path: str | Path) -> list[Effect]:
 
 
 def _records(first: Any, count: int, what: str, most: int) -> list[Any]:
-    """Converts a C array of `count` records to a list. Raises ValueError if there are more than `most`, or if the array
-    is NULL. what: the message's word for a record."""
+    """Converts a C array to a list. Raises ValueError, which names `what`, if it is NULL or has more than `most`."""
     if count > most:
         raise ValueError(f"{count} {what}s are said to be there, the most is {most}")
     if count > 0 and not first:

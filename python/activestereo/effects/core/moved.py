@@ -16,7 +16,6 @@ rig moves during the exposure, the scene is displaced in the image, but the rig'
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import wraps
@@ -31,13 +30,13 @@ from activestereo.common.lens import distort, lens_fields, to_pixels, to_tangent
 from activestereo.common.pose import motion_of_twist
 from activestereo.effects.core.descriptor import Effect, effect
 from activestereo.effects.core.dots import DotView, through_medium
-from activestereo.effects.core.engine import REFERENCE_TEMPERATURE_C, EngineCamera, EngineInputs, PatternGain
+from activestereo.effects.core.engine import EngineCamera, EngineInputs, PatternGain
 from activestereo.effects.core.lamp import radiance_under
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import interpolated
 from activestereo.effects.core.shading import reflected
 from activestereo.effects.core.surfaces import on_surfaces
-from activestereo.effects.core.view import PickedView, View, drawn_by, transform
+from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, PickedView, View, drawn_by, transform
 
 _ITERATIONS = 3
 
@@ -114,15 +113,13 @@ class _ViewInputs(EngineInputs):
     def of(cls, view: View, signal: dict[str, float]) -> _ViewInputs:
         whole = view.whole if isinstance(view, PickedView) else view
         height, width = whole.shape
-
-        def side(is_right: bool) -> EngineCamera:
-            camera = kuafu.Camera(width, height, view.K, np.eye(4), **lens_fields(view.distortion))
-            return EngineCamera(camera, kuafu.Optics(), dict(signal), is_right)
-
+        lens = lens_fields(view.distortion)
+        cameras = (kuafu.Camera(width, height, view.K, np.eye(4), **lens) for _ in ("left", "right"))
+        left, right = (EngineCamera(camera, kuafu.Optics(), dict(signal)) for camera in cameras)
         place = np.linalg.inv(view.camera_to_projector)
         projector = kuafu.Light(kind="projector", k=view.projector_K, ir_intensity=1.0, light_to_world=place)
         return cls(
-            side(is_right=False), side(is_right=True), projector, view.pattern, view.frame,
+            left, right, projector, view.pattern, view.frame,
             scene_materials=lambda number: kuafu.Material(specular=0.0), material_count=1,
             bounds_m=((-1.0,) * 3, (1.0,) * 3), max_dn=view.max_dn, seed=view.seed,
         )  # fmt: skip
@@ -141,14 +138,9 @@ class _ViewInputs(EngineInputs):
 def frame_signal(frame: Frame) -> dict[str, float]:
     """Returns simsense's imager settings, {field: value}, of a noiseless imager with a frame's exposure, gain and
     temperature. The imager's input is counts per second at gain 1."""
-    temperature = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
-    settings = {
-        "exposure_s": frame.exposure_s,
-        "gain": frame.gain,
-        "temperature_c": temperature,
-        "dark_reference_c": REFERENCE_TEMPERATURE_C,
-    }
-    return simsense.signal_preset("neutral") | settings
+    temperature_c = REFERENCE_TEMPERATURE_C if frame.temperature_c is None else frame.temperature_c
+    own = {"exposure_s": frame.exposure_s, "gain": frame.gain, "temperature_c": temperature_c}
+    return simsense.signal_preset("neutral") | own | {"dark_reference_c": REFERENCE_TEMPERATURE_C}
 
 
 def _analogue(signal: dict[str, float], light: np.ndarray, view: View, unit: float | None = None) -> np.ndarray:
@@ -185,8 +177,7 @@ def _counted(dn: np.ndarray, view: View, inputs: _ViewInputs) -> np.ndarray:
 
 
 def _speckled(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    """Returns the light with its projector part multiplied by simsense's speckle, or unchanged if the inputs' speckle
-    is not the laser's."""
+    """Returns the light with its projector part times simsense's speckle, where that is the laser's alone."""
     if not inputs.speckle_of_laser:
         return light
     pose = hashlib.sha256(np.ascontiguousarray(view.frame.camera_to_world).tobytes()).digest()
@@ -251,8 +242,7 @@ def _average_exposure(light: Light, view: View, inputs: _ViewInputs) -> Light:
 
 
 def _projected(light: Light, view: View, inputs: _ViewInputs) -> Light:
-    """Returns the light under the projector after changes of its pattern, power or optics. The surfaces' reflection
-    and shadows stay."""
+    """Returns the light under the changed projector. The surfaces' reflection and shadows stay."""
     own = inputs.projector
     assert own is not None
     for gain in inputs.gains:
@@ -325,7 +315,7 @@ def engine_effect(
     acts = next((act for kind, act in _IMAGES.items() if any(n.startswith(kind) for n in names)), of_camera)
 
     def make(move: Callable[..., None]) -> Effect:
-        @wraps(move, assigned=("__name__", "__doc__"))
+        @wraps(move, assigned=("__name__", "__doc__"))  # and __wrapped__, where effect() finds the parameters
         def image(value: Any, view: View, **values: float) -> Any:
             # Only the imager's effects may ask for a frame's exposure: frames that differ in it share the other images.
             if only_times and not view.frame.is_moving:
@@ -335,9 +325,6 @@ def engine_effect(
             move(inputs, **values)
             return acts(value, view, inputs)
 
-        # effect() reads the parameters' names after two arguments; `move` has one before them.
-        value = inspect.Parameter("value", inspect.Parameter.POSITIONAL_ONLY)
-        image.__signature__ = inspect.Signature([value, *inspect.signature(move).parameters.values()])  # type: ignore[attr-defined]
         return effect(id, engine=move, engine_fields=moves, **descriptor)(image)
 
     return make

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 import kuafu
 from activestereo.capture.capture import Capture, Frame
 from activestereo.common.lens import lens_fields
-from activestereo.common.pose import carried_twist
-from activestereo.effects.core.engine import EngineCamera, EngineInputs, moved_pose
+from activestereo.common.pose import carried_twist, motion_of_twist
+from activestereo.effects.core.engine import EngineCamera, EngineInputs
 from activestereo.effects.core.moved import frame_signal
 
 # The texture that a measured value replaces.
@@ -99,7 +99,7 @@ def capture_inputs(
         camera, (pose, velocities) = rig.camera(name), moved(left_to_side)
         lens = lens_fields(camera.distortion)
         seen = kuafu.Camera(camera.width, camera.height, camera.K, pose, **lens, **velocities)
-        return EngineCamera(seen, kuafu.Optics(), frame_signal(frame), is_right=name == "right")
+        return EngineCamera(seen, kuafu.Optics(), frame_signal(frame))
 
     pose, velocities = moved(own.left_to_projector)
     return EngineInputs(
@@ -134,16 +134,14 @@ def copy_record(record: Any, **changes: Any) -> Any:
     return type(record)(**_fields(record) | changes)
 
 
-def copy_camera(camera: kuafu.Camera, delay_s: float) -> kuafu.Camera:
-    """Returns a copy of the camera at its pose `delay_s` seconds after its time."""
-    pose = moved_pose(camera.camera_to_world, camera.linear_velocity, camera.angular_velocity, delay_s)
-    return copy_record(camera, camera_to_world=pose)
-
-
-def copy_light(light: kuafu.Light, delay_s: float = 0.0) -> kuafu.Light:
-    """Returns a copy of the light at its pose `delay_s` seconds after its time."""
-    pose = moved_pose(light.light_to_world, light.linear_velocity, light.angular_velocity, delay_s)
-    return copy_record(light, light_to_world=pose)
+def copy_later(record: Any, delay_s: float) -> Any:
+    """Returns a copy of a kuafu.Camera or kuafu.Light at its pose `delay_s` seconds after its time: pose exp(t [v, w]),
+    with its velocities in its own frame."""
+    if delay_s == 0.0:
+        return copy_record(record)
+    name = "light_to_world" if isinstance(record, kuafu.Light) else "camera_to_world"
+    motion = motion_of_twist(delay_s * np.concatenate([record.linear_velocity, record.angular_velocity]))
+    return copy_record(record, **{name: getattr(record, name) @ motion})
 
 
 def world_key(inputs: EngineInputs) -> tuple:
@@ -154,7 +152,6 @@ def world_key(inputs: EngineInputs) -> tuple:
 
 def keeps_surfaces(inputs: EngineInputs) -> bool:
     """Returns whether the inputs change diffuse albedos at most: no other material field, no fog, no added light."""
-
     same = all(
         record_key(m)
         == record_key(copy_record(inputs.scene_materials(number), base_color=m.base_color, ir_albedo=m.ir_albedo))

@@ -33,8 +33,7 @@ from activestereo.effects.engines.capture_inputs import (
     SceneMeasurement,
     capture_inputs,
     changed_world,
-    copy_camera,
-    copy_light,
+    copy_later,
     copy_record,
     keeps_surfaces,
     record_key,
@@ -298,7 +297,7 @@ class CaptureRenderer:
         sides = [side for inputs in poses for side in inputs.sides]
         with world.lit(lights):
             images = world.images(
-                [copy_camera(side.camera, side.delay_s) if side.delay_s else side.camera for side in sides],
+                [copy_later(side.camera, side.delay_s) for side in sides],
                 outputs + group,
                 samples,
                 self.max_bounces if max_bounces is None else max_bounces,
@@ -334,10 +333,10 @@ def _has(poses: list[EngineInputs], lit: _Lit) -> bool:
 def _lights(inputs: EngineInputs, lit: _Lit, delay_s: float) -> list[kuafu.Light]:
     """Returns copies of the lights of one render. Lights on the rig are moved to their pose at delay_s. The rig's
     projector has 1 W/sr; its power scales the images afterwards."""
-    added = [copy_light(light, delay_s) for light in inputs.rig_lights] + [copy_light(light) for light in inputs.lights]
+    added = [copy_later(x, delay_s) for x in inputs.rig_lights] + [copy_record(x) for x in inputs.lights]
     lights = [light for light in added if (light.kind == "projector") == (lit is _Lit.UNITS)]
     if lit is _Lit.RIG_AND_LAMPS and inputs.projector is not None:
-        lights.insert(0, copy_light(copy_record(inputs.projector, ir_intensity=1.0), delay_s))
+        lights.insert(0, copy_record(copy_later(inputs.projector, delay_s), ir_intensity=1.0))
     return lights
 
 

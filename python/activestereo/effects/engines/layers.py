@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines requests of renders: everything that decides the images of one rig pose, and the images' resolution."""
+"""Defines requests of renders and the images' resolution."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ _SMOOTH_SHARE = 0.02
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """Everything that decides the pixels of one rig pose: the cameras, the projector at 1 W/sr and its pattern, and
-    samples. Requests with equal keys give equal layers."""
+    """Everything that decides the pixels of one rig pose. projector: at 1 W/sr."""
 
     scene_path: Path
     cameras: tuple[kuafu.Camera, ...]
@@ -42,11 +41,8 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class Sampling:
-    """The resolution of rendered images: scale x scale image points in each camera pixel, and a margin of margin_px
-    camera pixels around the frame.
-
-    The number of light samples per camera pixel stays the same; they are spread over its image points.
-    """
+    """The resolution of rendered images: scale x scale image points in each camera pixel, which share its light
+    samples, and a margin of margin_px camera pixels around the frame."""
 
     scale: int = 1
     margin_px: int = 0

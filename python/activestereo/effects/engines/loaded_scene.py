@@ -97,11 +97,8 @@ _NOTHING_HIT = 0xFFFFFFFF
 
 
 class LoadedScene:
-    """A scene file whose ambient light is 1 from all sides, or the room's measured light; it has no other
-    light.
-
-    smooth: filters bounced and ambient light on matt surfaces, see smooth.py. Raises kuafu.FileError.
-    """
+    """A scene file whose only light is ambient: 1 from all sides, or the room's measured light. smooth: filters bounced
+    and ambient light on matt surfaces, see smooth.py. Raises kuafu.FileError."""
 
     def __init__(self, scene_path: Path, device: kuafu.Device, smooth: bool) -> None:
         self.renderer, self.scene = kuafu.Renderer(device), kuafu.Scene(device)
@@ -190,15 +187,13 @@ class LoadedScene:
 
 
 def engine_version(device: kuafu.Device) -> str:
-    """Returns a text that changes with the library's code and the device: pixels are the same bits on one
-    device only."""
+    """Returns a text that changes with the library's code and the device: only one device gives the same bits."""
     return f"kuafu {kuafu.__version__} {_library_digest()} on {device.info.name}"
 
 
 @cache
 def _library_digest() -> str:
-    """Returns a short hash of the loaded libkuafu's content, so that no cached picture outlives the code that
-    made it."""
+    """Returns a short hash of the loaded libkuafu, so that no cached picture outlives the code that made it."""
     maps = Path("/proc/self/maps").read_text(encoding="utf-8").split("\n")
     paths = sorted({line.split(maxsplit=5)[5] for line in maps if "/libkuafu.so" in line})
     return hashlib.sha256(b"".join(Path(path).read_bytes() for path in paths)).hexdigest()[:12]

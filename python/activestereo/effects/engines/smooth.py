@@ -92,8 +92,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _overlap(shape: tuple[int, ...], down: int, right: int) -> tuple[Any, Any]:
-    """Returns two indices (rows, columns) into an image of this shape: the samples that have a neighbour at offset
-    (down, right), and those neighbours."""
+    """Returns indices (rows, columns) of an image's samples that have a neighbour at (down, right), and of those."""
     axes = tuple(zip(shape, (down, right), strict=True))
     here = tuple(slice(max(0, -shift), size - max(0, shift)) for size, shift in axes)
     return here, tuple(slice(max(0, shift), size - max(0, -shift)) for size, shift in axes)
@@ -140,11 +139,10 @@ def is_matt_surface(m: kuafu.Material) -> bool:
 
 
 HALVES = (0, 1)
-# Seeds this far apart give independent random numbers to both halves.
+# Seeds this far apart give independent random numbers.
 _SEEDS_APART = 1 << 32
 
 
 def halves(samples_per_pixel: int, seed: int) -> tuple[int, tuple[int, int]]:
-    """Returns the samples per pixel of each of two halves, and the seeds of both; their random numbers are
-    independent."""
+    """Returns the samples per pixel of each of two halves, and the seeds of both."""
     return max(1, (samples_per_pixel + 1) // 2), (seed, seed + _SEEDS_APART)
