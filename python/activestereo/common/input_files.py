@@ -40,10 +40,10 @@ def open_file(path: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-def checked_file(path: str | Path, most_bytes: int = MOST_BYTES) -> Path:
+def checked_file(path: str | Path) -> Path:
     """Checks a file as open_file() does, without reading it, and returns its path for a library that opens the file
     itself. Raises OSError."""
-    _check(os.stat(path), path, most_bytes)
+    _check(os.stat(path), path, MOST_BYTES)
     return Path(path)
 
 

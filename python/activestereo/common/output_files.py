@@ -194,13 +194,11 @@ def write_depth_png(path: str | Path, depth_m: np.ndarray) -> None:
 
 def write_ply(path: str | Path, points: np.ndarray, colors: np.ndarray | None = None) -> None:
     """Writes a point cloud as binary PLY. points: float32 [n, 3], metres. colors: [n, 3], 0..1, or None."""
-    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+    fields, columns = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")], [*points.T]
     if colors is not None:
         fields += [("red", "u1"), ("green", "u1"), ("blue", "u1")]
-    table = np.empty(len(points), dtype=fields)
-    table["x"], table["y"], table["z"] = points.T
-    if colors is not None:
-        table["red"], table["green"], table["blue"] = np.rint(np.clip(colors, 0.0, 1.0) * 255.0).astype(np.uint8).T
+        columns += [*np.rint(np.clip(colors, 0.0, 1.0) * 255.0).T]
+    table = np.rec.fromarrays(columns, dtype=fields)
     types = {"<f4": "float", "u1": "uchar"}
     header = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(table)}\n"
     header += "".join(f"property {types[t]} {name}\n" for name, t in fields) + "end_header\n"

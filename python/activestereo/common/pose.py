@@ -152,8 +152,7 @@ def printed_motion(
     if (fault := rigid_fault(pose, _PRINTED_TOLERANCE)) is not None:
         raise ValueError(f"{name}: {fault}")
     left, _, right = np.linalg.svd(pose[:3, :3])
-    pose[:3, :3], pose[3] = left @ right, (0.0, 0.0, 0.0, 1.0)
-    return pose
+    return rigid_motion(pose[:3, 3], left @ right)
 
 
 def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

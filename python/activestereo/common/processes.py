@@ -14,15 +14,13 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
-from itertools import count
 from multiprocessing import current_process, get_all_start_methods, get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, Literal
 
 MOST_LOSSES = 3  # pools in a row that end without a result
-# {number: (work, items)} of the calls of forked() under way, which forked processes find here.
-_jobs: dict[int, tuple[Callable[[Any], object], Sequence[Any]]] = {}
-_numbers = count()
+# In a process of forked(): its work and all items, which are not copied.
+_job: tuple[Callable[[Any], object], Sequence[Any]]
 
 
 @contextmanager
@@ -70,17 +68,11 @@ def forked(work: Callable[[Any], object], items: Sequence[Any], workers: int) ->
     since the caller gets it, too."""
     if min(workers, len(items)) < 2 or "fork" not in get_all_start_methods() or current_process().daemon:
         return
-    number = next(_numbers)
-    _jobs[number] = work, items
     # Python 3.12 warns if there are other threads; the processes use no lock that those may hold.
-    pool = partial(process_pool, min(workers, len(items)), signal.signal, signal.SIGINT, signal.SIG_DFL, method="fork")
-    places = [(number, i) for i in range(len(items))]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            yield from done_in_pools(pool, _done, places)
-    finally:
-        del _jobs[number]
+    pool = partial(process_pool, min(workers, len(items)), _take_job, work, items, method="fork")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        yield from done_in_pools(pool, _done, range(len(items)))
 
 
 def return_freed_memory() -> None:
@@ -91,9 +83,15 @@ def return_freed_memory() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def _done(place: tuple[int, int]) -> object:
-    number, i = place
-    work, items = _jobs[number]
+def _take_job(work: Callable[[Any], object], items: Sequence[Any]) -> None:
+    """Begins a forked process. An interrupt ends it silently."""
+    global _job
+    _job = work, items
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _done(i: int) -> object:
+    work, items = _job
     return work(items[i])
 
 

@@ -65,9 +65,6 @@ class StereoDepthSensorBatch(SensorResults):
             plan, mounts.scene, np.repeat(range(count), sensors).tolist(), self.shape, model=model, on_cuda=on_cuda,
             matcher=matcher,
         )  # fmt: skip
-        # Factors on each sensor's configured laser power and exposure, and the rotation of its right camera.
-        self._laser_power, self._light_share = np.ones((2, count * sensors))
-        self._right_turn = np.broadcast_to(np.eye(4), (count * sensors, 4, 4)).copy()
 
     # ---- taking pictures ----
 
@@ -147,13 +144,11 @@ class StereoDepthSensorBatch(SensorResults):
             turned = np.broadcast_to(np.eye(4), (len(each), 4, 4)).copy()
             turned[:, :3, :3] = np.reshape(right_turn, (-1, 3, 3))
             raise_faults("right_turn", each, ["is no rotation" if bad else None for bad in pose_fault(turned)])
-            self._right_turn[own] = turned
+            self._engine.rig.right_turn[own] = turned
         if "laser_power" in shares:
-            self._laser_power[own] = shares["laser_power"].ravel()
+            self._engine.rig.in_scene.laser_power[own] = shares["laser_power"].ravel()
         if "exposure" in shares:
-            self._light_share[own] = shares["exposure"].ravel()
-        self._engine.rig.in_scene.laser_power, self._engine.light_share = self._laser_power, self._light_share
-        self._engine.rig.right_turn = self._right_turn
+            self._engine.light_share[own] = shares["exposure"].ravel()
 
     def restart(self, seed: int | Sequence[int]) -> None:
         """Drops the current pictures, numbers the next picture 0, and seeds render and noise. The same seed repeats

@@ -117,14 +117,12 @@ class SensorEngine:
         finally:
             self.rig.darken()
         # 3. Effects on light, and exposure.
-        picture.light_share = self.light_share.copy()
         if self.image_effects is not None:
             self.image_effects.on_light(picture.link, taken.is_laser_apart)
+        auto, inputs = self.plan.exposure, self.rig.inputs()
         if not self.rig.is_one:
-            expose_each(picture, taken.is_laser_apart, self.plan.exposure, self.rig.inputs())
-        auto = self.plan.exposure
-        if self.rig.is_one and auto.mode != "fixed":  # 'settled': for this picture; 'converging': the next
-            inputs = self.rig.inputs()
+            expose_each(picture.link, self.light_share, taken.is_laser_apart, auto, inputs)
+        elif auto.mode != "fixed":  # 'settled': for this picture; 'converging': the next
             after = auto.after(self.rig.setting, inputs.left.signal, picture.link.images(1)[0], inputs.max_dn)
             if auto.mode == "settled":
                 self.rig.set_exposure(after)

@@ -41,7 +41,7 @@ def as_matcher(given: MatcherLike, engine: simsense.Engine) -> Matcher | None:
     if given == "simsense":
         return None
     if given == "opencv":
-        return OpenCVMatcher(engine.parameters)
+        return _opencv_matcher(engine.parameters)
     raise ValueError(f"matcher is {given!r}, expected 'simsense', 'opencv', or a function of rectified pairs")
 
 
@@ -63,7 +63,7 @@ def foreign_maps(
     disparity = np.asarray(disparity, np.float32)
     k, baseline_m, left_to_rectified = engine.rectified
     is_measured = np.isfinite(disparity) & (disparity > 0)
-    z = np.where(is_measured, k[0, 0] * baseline_m / np.where(is_measured, disparity, 1.0), 0.0)
+    z = np.divide(k[0, 0] * baseline_m, disparity, out=np.zeros_like(disparity), where=is_measured)
     is_near = (z >= plan.engine["min_depth_m"]) & (z < plan.engine["max_depth_m"])
     depth = np.where(is_near, z, 0.0).astype(np.float32)
     v, u = np.indices(depth.shape[-2:])
@@ -88,29 +88,28 @@ def foreign_maps(
     return {name: maps[name] for name in outputs}
 
 
-class OpenCVMatcher:
-    """Matches with OpenCV's semi-global matcher (SGBM) over eight paths. Disparity range, uniqueness and left-right
-    check are simsense's parameters, others OpenCV's suggestions. Raises ImportError if cv2 is missing."""
+def _opencv_matcher(parameters: Mapping[str, Any]) -> Matcher:
+    """Returns a Matcher by OpenCV's semi-global matcher (SGBM) over eight paths. Disparity range, uniqueness and
+    left-right check are simsense's parameters, others OpenCV's suggestions. Raises ImportError if cv2 is missing."""
+    import cv2
 
-    def __init__(self, parameters: Mapping[str, Any]) -> None:
-        import cv2
+    least = parameters["min_disparity"]
+    count = -(-parameters["max_disparity"] // _SGBM_STEP_PX) * _SGBM_STEP_PX
+    margin = count + max(0, least)  # OpenCV leaves the first columns out, as many as there are disparities
+    sgbm = cv2.StereoSGBM_create(
+        minDisparity=least, numDisparities=count, blockSize=_SGBM_BLOCK, P1=8 * _SGBM_BLOCK**2,
+        P2=32 * _SGBM_BLOCK**2, disp12MaxDiff=parameters["lr_max_diff"], preFilterCap=63,
+        uniquenessRatio=parameters["uniqueness_ratio"], mode=cv2.STEREO_SGBM_MODE_HH4,
+    )  # fmt: skip
 
-        self._least = parameters["min_disparity"]
-        count = -(-parameters["max_disparity"] // _SGBM_STEP_PX) * _SGBM_STEP_PX
-        self._margin = count + max(0, self._least)
-        self._cv2, self._sgbm = cv2, cv2.StereoSGBM_create(
-            minDisparity=self._least, numDisparities=count, blockSize=_SGBM_BLOCK, P1=8 * _SGBM_BLOCK**2,
-            P2=32 * _SGBM_BLOCK**2, disp12MaxDiff=parameters["lr_max_diff"], preFilterCap=63,
-            uniquenessRatio=parameters["uniqueness_ratio"], mode=cv2.STEREO_SGBM_MODE_HH4,
-        )  # fmt: skip
-
-    def __call__(self, left: NDArray[Any], right: NDArray[Any]) -> tuple[NDArray[np.float32], None]:
+    def match(left: NDArray[Any], right: NDArray[Any]) -> tuple[NDArray[np.float32], None]:
         found = []
         for pair in zip(left, right, strict=True):
-            scale, border = 255.0 / max(255, *(int(image.max()) for image in pair)), self._cv2.BORDER_REPLICATE
+            scale = 255.0 / max(255, *(int(image.max()) for image in pair))
             counts = ((image * scale).astype(np.uint8) for image in pair)
-            # OpenCV leaves the first columns out, as many as there are disparities.
-            wide = (self._cv2.copyMakeBorder(image, 0, 0, self._margin, 0, border) for image in counts)
-            disparity = self._sgbm.compute(*wide)[:, self._margin :].astype(np.float32) / _SGBM_STEPS
-            found.append(np.where(disparity >= self._least, disparity, np.float32(np.nan)))
+            wide = (cv2.copyMakeBorder(image, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for image in counts)
+            disparity = sgbm.compute(*wide)[:, margin:].astype(np.float32) / _SGBM_STEPS
+            found.append(np.where(disparity >= least, disparity, np.float32(np.nan)))
         return np.stack(found), None
+
+    return match

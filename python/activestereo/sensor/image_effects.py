@@ -23,7 +23,7 @@ from activestereo.effects.core.engine import EngineInputs
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import View
-from activestereo.sensor.pictures import IrLink
+from activestereo.sensor.pictures import IrLink, dn_per_radiance
 
 Pictures = dict[str, NDArray[Any]]
 _GEOMETRY = ("depth", "normal", "material_id")
@@ -67,13 +67,7 @@ class ImageEffects:
                 if lasers is not None:
                     lasers[i] = power * light.projector
             if charge.effects:
-                signal = part.signal
-                dn = (
-                    signal["responsivity_e"]
-                    * signal["exposure_s"]
-                    * signal["conversion_gain_dn_per_e"]
-                    * signal["gain"]
-                )
+                dn = dn_per_radiance(part.signal)
                 images[i] = charge.digital(images[i] * dn, view, 0.0, random=True) / dn if dn > 0 else images[i]
         link.put(images)
         if lasers is not None:
@@ -108,7 +102,7 @@ class ImageEffects:
         k, baseline_m, left_to_rectified = engine.rectified
         view = self._view("left", self._sensor.engine_inputs(), self._sensor.get_pictures(_GEOMETRY, "left"))
         depth = matched.depth(result["depth"], view, self._stream).astype(np.float32)
-        disparity = np.where(depth > 0, k[0, 0] * baseline_m / np.where(depth > 0, depth, 1.0), -1.0).astype(np.float32)
+        disparity = np.divide(k[0, 0] * baseline_m, depth, out=np.full_like(depth, -1.0), where=depth > 0)
         depth_rgb = registered(depth, k, left_to_rectified, self._sensor.plan)
         return result | {"disparity": disparity, "depth_rgb": depth_rgb}
 

@@ -202,8 +202,7 @@ class Picture:
     """Memory for one picture of each sensor, and the settings of the last one rendered there.
 
     taken: None if there is no picture. has_rgb: the memory holds RGB images, perhaps of an earlier picture. setting:
-    exposure and gain. signals: the imagers' parameters, left and right, with exposure and gain. light_share: [sensors],
-    factors on each sensor's exposure."""
+    exposure and gain. signals: the imagers' parameters, left and right, with exposure and gain."""
 
     link: IrLink
     rgb: PictureMemory
@@ -211,13 +210,13 @@ class Picture:
     has_rgb: bool = False
     setting: Setting | None = None
     signals: list[dict[str, float]] = field(default_factory=list)
-    light_share: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
 
 
-def expose_each(picture: Picture, is_laser_apart: bool, auto: AutoExposure, inputs: EngineInputs) -> None:
-    """Multiplies each sensor's infrared pair, in place, by its light_share and, unless exposure is fixed, by the factor
-    of its automatic exposure. inputs: the engines' inputs, equal for all sensors."""
-    link, shares = picture.link, picture.light_share
+def expose_each(
+    link: IrLink, shares: NDArray[np.float64], is_laser_apart: bool, auto: AutoExposure, inputs: EngineInputs
+) -> None:
+    """Multiplies each sensor's infrared pair, in place, by its share and, unless exposure is fixed, by the factor of
+    its automatic exposure. shares: [sensors]. inputs: the engines' inputs, equal for all sensors."""
     if auto.mode == "fixed" and bool((shares == 1.0).all()):
         return
     light = shares.astype(np.float32)
@@ -226,3 +225,8 @@ def expose_each(picture: Picture, is_laser_apart: bool, auto: AutoExposure, inpu
     link.brighten(light)
     if is_laser_apart:
         link.laser().brighten(light)
+
+
+def dn_per_radiance(signal: Mapping[str, float]) -> float:
+    """Returns the counts that a linear imager without noise gives for a radiance of 1 W/(sr m^2), above black."""
+    return signal["responsivity_e"] * signal["exposure_s"] * signal["conversion_gain_dn_per_e"] * signal["gain"]

@@ -181,7 +181,7 @@ class RigInputs:
         self.left_over: tuple[tuple[Effect, dict[str, float]], ...] = ()
         self.twist = np.zeros(6)
         self._conditions: tuple[float | None, float] = (None, 0.0)
-        self.right_turn: NDArray[np.float64] | None = None  # [sensors, 4, 4]: how the right cameras are turned
+        self.right_turn = np.tile(np.eye(4), (len(environments), 1, 1))  # [sensors, 4, 4], of the right cameras
         self._frame = 0
         self._rigs: NDArray[np.float64] | None = None
         self._is_closed = False
@@ -223,7 +223,7 @@ class RigInputs:
         calibration. rigs: the RGB cameras' poses, [sensors, 4, 4], body axes."""
         self.inputs()
         left, right = (rigs @ side for side in self._cameras_on_rig)
-        views = np.concatenate([left, right if self.right_turn is None else right @ self.right_turn])
+        views = np.concatenate([left, right @ self.right_turn])
         cameras = [*self._ir_cameras[0], *self._ir_cameras[1]]
         for camera, view in zip(cameras, views, strict=True):
             camera.camera_to_world = view

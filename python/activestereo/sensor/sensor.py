@@ -30,8 +30,7 @@ from activestereo.sensor.foreign_matcher import MatcherLike
 from activestereo.sensor.gbuffer.cause import traced_causes
 from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
-from activestereo.sensor.mounts import Mount as Mount
-from activestereo.sensor.pictures import checked_radiance
+from activestereo.sensor.pictures import checked_radiance, dn_per_radiance
 from activestereo.sensor.results import CAMERAS, SensorResults
 
 
@@ -233,8 +232,7 @@ class StereoDepthSensor(SensorResults):
 def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDArray[np.float32]:
     """Returns the counts over full scale, 0..1, that a linear imager without noise and dark current gives for an image
     of radiance, W/(sr m^2)."""
-    full_scale_dn = 2 ** signal["bit_depth"] - 1
-    per_radiance = signal["exposure_s"] * signal["responsivity_e"] * signal["conversion_gain_dn_per_e"] * signal["gain"]
+    full_scale_dn, per_radiance = 2 ** signal["bit_depth"] - 1, dn_per_radiance(signal)
     warming_k = signal["temperature_c"] - signal["dark_reference_c"]
     black_dn = signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k
     return np.clip(image * np.float32(per_radiance / full_scale_dn) + np.float32(black_dn / full_scale_dn), 0.0, 1.0)

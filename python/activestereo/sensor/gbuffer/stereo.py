@@ -40,7 +40,7 @@ class MaterialNumbers:
     materials: a sequence of kuafu.Material, or {number: kuafu.Material} with numbers 0 to 65535. None: all surfaces are
     matt and differ only in albedo. Raises TypeError for other entries, ValueError for other numbers."""
 
-    def __init__(self, scene: kuafu.Scene, materials: Any = None) -> None:
+    def __init__(self, scene: kuafu.Scene, materials: Any) -> None:
         self.is_given = materials is not None
         items = materials.items() if isinstance(materials, Mapping) else enumerate(materials or ())
         found = {int(number): material for number, material in items}
@@ -367,15 +367,8 @@ class GBufferStereo:
             on_cuda = self._on_cuda.compute(names, lambda new: engine.compute(link.left, link.right, new, **own_light))
             found = {name: one.array(self.shape) for name, one in on_cuda.items()}
         if wants_cause:
-            depths, lit_shares = (
-                np.asarray(
-                    image
-                    if isinstance(image, np.ndarray)
-                    else image.buffer.read().view(image.dtype).reshape(image.shape)  # a copy of GPU memory
-                )[..., 0]
-                for image in (seen["depth"], seen["projector_visibility"])
-            )
-            near, is_lit, is_odd = inverse_depth(depths), lit_shares[: self._count] > 0.5, np.zeros(self.shape, bool)
+            near, is_odd = inverse_depth(seen["depth"][..., 0]), np.zeros(self.shape, bool)
+            is_lit = seen["projector_visibility"][: self._count, ..., 0] > 0.5
             if material is not None:
                 is_odd = self._materials.are_odd(host_image("material", material, self.input_shape))
                 n = self._supersampling
