@@ -109,13 +109,14 @@ def covariates_chart(tables: Sequence[Mapping[str, Any]], unit: str) -> Figure:
 
 def _draw_bins(axes: Axes, bins: Sequence[Any]) -> None:
     categories = "label" in bins[0]
-    x = np.arange(len(bins)) if categories or len(bins) < 6 else np.array([(b["low"] + b["high"]) / 2 for b in bins])
+    has_marks = categories or len(bins) < 6  # few bins make no curve
+    x = np.arange(len(bins)) if has_marks else np.array([(b["low"] + b["high"]) / 2 for b in bins])
     mean, rmse, floor = (np.array([b[key] for b in bins]) for key in ("mean", "rmse", "noise_floor"))
     excess = np.array([b["excess_interval"] for b in bins]).T
     low, high = np.sqrt(np.maximum(0.0, excess + floor**2))
     mean_low, mean_high = np.array([b["mean_interval"] for b in bins]).T
     axes.axhline(0.0, color=MUTED, lw=0.7)
-    if categories or len(bins) < 6:
+    if has_marks:
         far = np.maximum(0, [[rmse - low, high - rmse], [mean - mean_low, mean_high - mean]])
         axes.errorbar(x, rmse, far[0], fmt="o", ms=4, color=BLUE, lw=1.4, label="RMSE")
         axes.errorbar(x, mean, far[1], fmt="s", ms=3.5, color=ORANGE, lw=1.4, label="mean residual")

@@ -37,7 +37,7 @@ def cards(scores: dict[str, Any]) -> str:
         metres = ""
         if values["rmse_m"] is not None:
             metres = f", {1e3 * values['rmse_m']:.1f} mm, bias {1e3 * values['bias_m']:+.1f} mm"
-        parts.append(card(f"depth RMSE, {split}", _number(values["rmse_px"], "px"), floor + metres))
+        parts.append(card(f"depth RMSE, {split}", _pixels(values["rmse_px"]), floor + metres))
         fill = f"{100 * values['fill_measured']:.1f} / {100 * values['fill_model']:.1f} %"
         parts.append(card(f"fill, device / model, {split}", fill, f"validity IoU {values['validity_iou']:.3f}"))
     return f'<div class="cards">{"".join(parts)}</div>'
@@ -70,8 +70,8 @@ def settings_section(scores: dict[str, Any]) -> str:
     )
 
 
-def _number(value: float | None, unit: str, digits: int = 3) -> str:
-    return "—" if value is None else f"{value:.{digits}f} {unit}"
+def _pixels(value: float | None) -> str:
+    return "—" if value is None else f"{value:.3f} px"
 
 
 def _depth_table(depth: dict[str, Any]) -> str:
@@ -84,8 +84,8 @@ def _depth_table(depth: dict[str, Any]) -> str:
         for name, error, floor in pairs:
             bias = "—" if error["bias_m"] is None else f"{1e3 * error['bias_m']:+.1f} mm"
             rmse_mm = "—" if error["rmse_m"] is None else f"{1e3 * error['rmse_m']:.1f} mm"
-            in_px = (error["rmse_px"], error["median_abs_px"], floor)
-            rows.append([split, name, rmse_mm, bias, *(_number(value, "px") for value in in_px)])
+            in_px = map(_pixels, (error["rmse_px"], error["median_abs_px"], floor))
+            rows.append([split, name, rmse_mm, bias, *in_px])
     source = {v["noise_floor_from"] for v in depth.values()}
     note = "two repeats of the device" if source == {"repeats"} else "two noisy exposures of the model, matched alike"
     head = ["", "", "RMSE", "bias", "RMSE, disparity", "median, disparity", "noise floor"]

@@ -33,10 +33,8 @@ _WORDS = {
     "other matcher": "the device's own matching",
 }
 
-Split = Mapping[str, Any]
 
-
-def split_sentences(split: Split | None) -> list[str]:
+def split_sentences(split: Mapping[str, Any] | None) -> list[str]:
     """Returns sentences on the device's depth error with model.json applied. They state its RMS, the causes of its
     square in whole percents that sum to 100, and its RMS at each distance. split: diagnose.json's depth_split; None: no
     sentences."""
@@ -235,7 +233,7 @@ def _ranking(diagnosis: dict[str, Any], shown: Iterable[str]) -> str:
         if entry["effect"] in own:
             name += f"<br><span class='small'>yours: {text(own[entry['effect']])}</span>"
         share = entry.get("explained_share")
-        explains = "—" if share is None else share_bar(share) + f"{100 * share:.0f} %"
+        explains = "—" if share is None else share_bar(share)
         canvas = f'<canvas data-model="{text(entry["effect"])}" tabindex="0" title="show it large"></canvas>'
         leaves = f'<figure class="row">{canvas}<figcaption></figcaption></figure>'
         leaves = leaves if entry["effect"] in shown else _NO_IMAGE
@@ -264,7 +262,7 @@ def _depth_engine(depth: dict) -> str:
         values = "<br>".join(text(parameter_text(name, p)) for name, p in entry["parameters"].items())
         kind = "added" if entry["effect"] in depth["added"] else ""
         kind = "not a fault of the sensor" if entry["nuisance"] else kind
-        share = share_bar(entry["explained_share"]) + f"{100 * entry['explained_share']:.0f} %"
+        share = share_bar(entry["explained_share"])
         rows.append([f"<b>{text(entry['effect'])}</b>", f"{entry['score_nats']:.1f}", share, values, kind])
     head = ["effect", "gain, nats", "of the disparity error", "fitted value (90 %)", ""]
     said = f'<p class="headline"><b>{_ENGINE_VERDICT[depth["verdict"]]}</b></p>'

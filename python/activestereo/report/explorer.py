@@ -21,7 +21,6 @@ from activestereo.report.models import (
     known_residual,
     residual_limit,
     rmse,
-    worst_frame,
 )
 from activestereo.report.page import encoded_image, web_file
 
@@ -72,9 +71,12 @@ def explorer_data(comparison: Comparison, images: ModelImages, told: ToldErrors)
         name: f"base model with {name} alone" for name in ranked
     }
     split = "test" if "test" in comparison.scores["ir"] else "train"
+    entries = [e for e in comparison.scores["frames"] if e["split"] == split]
+    # The error beyond the noise floor; the whole error where the floor is unknown.
+    beyond = lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0  # noqa: E731
     return {
         "views": views,
-        "start": worst_frame(comparison.scores, split)["id"],
+        "start": max(entries, key=beyond)["id"],
         "models": {name: words[name] for name in images},
         "rows": [frame.id for frame in with_rows],
         "maps": colour_maps(),
@@ -103,18 +105,15 @@ def _infrared_view(
     """Returns the data of one infrared image for web/explorer.js: encoded images, scales and RMSE. images: of all
     models, for the RMSE. held: of the models that the page shows."""
     scores = next(e for e in comparison.scores["frames"] if e["id"] == frame.id)["cameras"][side]
-    measured = comparison.capture.ir(frame, side)
-    floor = scores["noise_floor_dn"]
+    capture, key, floor = comparison.capture, (frame.id, side), scores["noise_floor_dn"]
+    measured, base = capture.ir(frame, side), images[BASE][key].astype(np.float64)
     typical = floor or scores["rmse_dn"] or 1.0
-    known = comparison.capture.known(frame, side)
-    capture, key, seen = comparison.capture, (frame.id, side), comparison.measured
-    rest = {name: known_residual(capture, key, seen, own) for name, own in images.items()}
-    layers = {"measured": encoded_image(measured, 1.0, known)}
-    base = images[BASE][frame.id, side].astype(np.float64)
+    rest = {name: known_residual(comparison, key, own) for name, own in images.items()}
+    layers = {"measured": encoded_image(measured, 1.0, capture.known(frame, side))}
     layers[BASE] = encoded_image(base, _STEP_SHARE * typical)
     for name in held:
         if name != BASE:  # stored as a difference from BASE, mostly zeros, which compresses well
-            change = images[name][frame.id, side] - base
+            change = images[name][key] - base
             share = _STEP_SHARE if name == FOUND else _ROW_STEP_SHARE
             layers[name] = encoded_image(change, share * typical) | {"added_to": BASE}
     return {
@@ -122,7 +121,7 @@ def _infrared_view(
         "width": measured.shape[1], "height": measured.shape[0],
         "range": [0.0, max(float(np.quantile(measured, 0.998)), 1.0)],
         "limit": residual_limit(rest[BASE], floor), "floor": floor, "layers": layers,
-        "rmse": {name: told[name][frame.id, side] if name in told else rmse(own) for name, own in rest.items()},
+        "rmse": {name: told[name][key] if name in told else rmse(own) for name, own in rest.items()},
     }  # fmt: skip
 
 
@@ -148,7 +147,6 @@ def _depth_view(depth: DepthFrame, comparison: Comparison) -> dict[str, Any]:
 
 def colour_maps() -> dict[str, list[list[int]]]:
     """Returns the stops, RGB 0..255, of each colour map that the pages draw with."""
-    return {
-        name: [[int(round(255 * c)) for c in colormaps[name](i / (_COLOURS - 1))[:3]] for i in range(_COLOURS)]
-        for name in ("gray", "RdBu_r", "viridis")
-    }
+    stops = np.linspace(0.0, 1.0, _COLOURS)
+    rgb = {name: colormaps[name](stops)[:, :3] for name in ("gray", "RdBu_r", "viridis")}
+    return {name: np.rint(255.0 * own).astype(int).tolist() for name, own in rgb.items()}

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Frame
@@ -25,7 +24,7 @@ from activestereo.diagnose.words import (
 )
 from activestereo.report.charts import covariates_chart, effects_chart, falloff_chart
 from activestereo.report.models import BASE, FOUND, ModelImages, ToldErrors, known_residual, residual_limit, rmse
-from activestereo.report.page import chart, data_address
+from activestereo.report.page import chart, coloured, data_address
 from activestereo.report.screen import Step
 from activestereo.report.summary import error_places
 
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 # A detail's share of the image's width and height, and the least width in pixels, which small images need.
 _DETAIL, _LEAST_PX = 1.0 / 3.0, 140
 _MOST_CELLS = 6  # two rows of pictures and charts
-_NOT_COMPARED = "#8a94a0"
 _MODELS = {BASE: "model", FOUND: "model with what was found"}
 _RESIDUALS = {BASE: "measured − model", FOUND: "what is left"}
 
@@ -123,8 +121,7 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
     floor = float(entry["noise_floor_dn"] or entry["rmse_dn"] or 1.0)
     cells = [_cell(_gray(measured[part], high), "measured", place)]
     cells += [_cell(_gray(images[name][key][part], high), _MODELS[name], "") for name in models]
-    capture, measured_images = comparison.capture, comparison.measured
-    residuals = {name: known_residual(capture, key, measured_images, images[name]) for name in models}
+    residuals = {name: known_residual(comparison, key, images[name]) for name in models}
     limit = residual_limit(residuals[BASE], floor)
     if FOUND not in images:
         cells.append(_cell(_signed(residuals[BASE][part], limit), "measured − model, there", ""))
@@ -163,11 +160,10 @@ def where_most_goes(comparison: Comparison, images: ModelImages) -> Detail:
     for frame in frames:
         for side in SIDES:
             key = frame.id, side
-            fall = known_residual(comparison.capture, key, comparison.measured, images[BASE]) ** 2
+            fall = known_residual(comparison, key, images[BASE]) ** 2
             if FOUND in images:
-                fall -= known_residual(comparison.capture, key, comparison.measured, images[FOUND]) ** 2
-            fall = np.nan_to_num(fall)
-            amount, rows, columns = _largest_window(fall)
+                fall -= known_residual(comparison, key, images[FOUND]) ** 2
+            amount, rows, columns = _largest_window(np.nan_to_num(fall))
             if amount > best:
                 best, found = amount, Detail(frame, side, rows, columns)
     assert found is not None, "a comparison has frames"
@@ -187,14 +183,12 @@ def _largest_window(values: NDArray[np.float64]) -> tuple[float, slice, slice]:
 
 def _gray(image: NDArray, high: float) -> NDArray[np.uint8]:
     """Converts an image in DN to grey RGB, uint8 [height][width][3], on the explorer's square-root scale. high: the DN
-    of white. NaN is shown as not compared."""
-    shade = np.sqrt(np.ma.masked_invalid(np.clip(image / high, 0.0, 1.0)))
-    return np.asarray(colormaps["gray"].with_extremes(bad=_NOT_COMPARED)(shade, bytes=True))[..., :3]
+    of white."""
+    return coloured(np.sqrt(np.clip(image / high, 0.0, 1.0)), "gray")
 
 
 def _signed(residual: NDArray[np.float64], limit_dn: float) -> NDArray[np.uint8]:
-    shade = np.ma.masked_invalid(np.clip(0.5 + 0.5 * residual / limit_dn, 0.0, 1.0))
-    return np.asarray(colormaps["RdBu_r"].with_extremes(bad=_NOT_COMPARED)(shade, bytes=True))[..., :3]
+    return coloured(0.5 + 0.5 * residual / limit_dn, "RdBu_r")
 
 
 def _cell(pixels: NDArray[np.uint8], title: str, note: str) -> str:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes the images that models expect: the base model, the model with found effects, and each ranked effect alone.
-Also picks the frame that the report shows first, and computes residuals and their colour scale."""
+Also computes residuals and their colour scale."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from activestereo.effects import Light, Model, Stage, View
 from activestereo.report.diagnosis import ROWS
 
 if TYPE_CHECKING:
-    from activestereo.capture.capture import Capture, ImageKey
+    from activestereo.capture.capture import ImageKey
     from activestereo.compare.compare import Comparison
     from activestereo.compare.image_errors import ImageErrors
     from activestereo.effects.core.descriptor import Effect
@@ -137,21 +137,10 @@ def _add_effect(model: Model, effects: Mapping[str, Effect], effect_id: str, par
         return model
 
 
-def worst_frame(scores: dict[str, Any], split: str) -> dict[str, Any]:
-    """Returns the entry of scores["frames"] in `split` with the largest infrared error beyond the noise floor; if the
-    floor is unknown, with the largest error."""
-    entries = [e for e in scores["frames"] if e["split"] == split]
-    return max(
-        entries, key=lambda e: (e["rmse_dn"] if e["explainable_rmse_dn"] is None else e["explainable_rmse_dn"]) or 0.0
-    )
-
-
-def known_residual(
-    capture: Capture, key: ImageKey, measured: Mapping[ImageKey, NDArray], expected: Mapping[ImageKey, NDArray]
-) -> NDArray[np.float64]:
+def known_residual(comparison: Comparison, key: ImageKey, expected: Mapping[ImageKey, NDArray]) -> NDArray[np.float64]:
     """Returns measured minus expected DN [height][width]. It is NaN at pixels where the scene is unknown, which no
     figure of the report counts."""
-    residual = measured[key].astype(np.float64) - expected[key]
+    capture, residual = comparison.capture, comparison.measured[key].astype(np.float64) - expected[key]
     known = capture.known(next(f for f in capture.frames if f.id == key[0]), key[1])
     return residual if known is None else np.where(known, residual, np.nan)
 

@@ -14,6 +14,8 @@ from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
 from PIL import Image
 
 from activestereo.common.html_table import text
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LARGEST_CODE = 2**16 - 1
+_NOT_COMPARED = "#8a94a0"
 
 
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
@@ -47,8 +50,9 @@ def card(title: str, value: str, note: str) -> str:
 
 
 def share_bar(share: float) -> str:
-    """Returns the HTML of a bar for a share 0..1."""
-    return f'<div class="bar"><i style="width:{100.0 * min(max(share, 0.0), 1.0):.1f}%"></i></div>'
+    """Returns the HTML of a bar for a share 0..1, and of the share in percent."""
+    bar = f'<div class="bar"><i style="width:{100.0 * min(max(share, 0.0), 1.0):.1f}%"></i></div>'
+    return f"{bar}{100 * share:.0f} %"
 
 
 def chart(figure: Figure, alt: str) -> str:
@@ -78,6 +82,13 @@ def encoded_image(image: np.ndarray, step: float, valid: np.ndarray | None = Non
     planes.append((code & 255).astype(np.uint8))
     src = data_address(np.repeat(np.concatenate(planes)[..., None], 3, axis=2))
     return {"src": src, "low": low - first * step, "step": step, "planes": len(planes), "has_empty": has_empty}
+
+
+def coloured(share: NDArray[np.float64], colours: str) -> NDArray[np.uint8]:
+    """Colours an image [height][width] of shares 0..1 by a colour map of this name: uint8 [height][width][3]. Shares
+    beyond 0 and 1 are clipped; NaN is grey: not compared."""
+    colour_map = colormaps[colours].with_extremes(bad=_NOT_COMPARED)
+    return np.asarray(colour_map(np.ma.masked_invalid(np.clip(share, 0.0, 1.0)), bytes=True))[..., :3]
 
 
 def data_address(pixels: np.ndarray) -> str:

@@ -34,7 +34,7 @@ def simulation_figure(
     accuracy_by_material().
     """
     aspect, chart_height = depth.shape[0] / depth.shape[1], 0.27 * len(rows) + 0.25
-    page = _Page(title, _headline(rows), columns=3, picture_rows=2, aspect=aspect, chart_height=chart_height)
+    page = _Page(title, _headline(rows), columns=3, aspect=aspect, chart_height=chart_height)
     _picture(page.picture(0, 0), rgb, "RGB camera")
     for column, (image, side) in enumerate(zip(ir, ("left", "right"), strict=True), start=1):
         name, shades = f"infrared {side}, as measured (display gamma 2)", PowerNorm(0.5, 0, 255)
@@ -55,7 +55,7 @@ def matching_figure(
 ) -> Figure:
     """Draws an infrared pair with its disparity and depth. disparity: pixels, -1 = none; depth: metres, 0 = none."""
     subtitle = f"{100.0 * np.mean(depth > 0):.1f} % of the pixels measured"
-    page = _Page(title, subtitle, columns=2, picture_rows=2, aspect=depth.shape[0] / depth.shape[1])
+    page = _Page(title, subtitle, columns=2, aspect=depth.shape[0] / depth.shape[1])
     _picture(page.picture(0, 0), left, "left", cmap="gray")
     _picture(page.picture(0, 1), right, "right", cmap="gray")
     shown = np.where(disparity > 0, disparity, 0.0)
@@ -65,19 +65,17 @@ def matching_figure(
 
 
 class _Page:
-    """Lays out a figure in inches: title, rows of equal pictures with room for colour bars, and charts at the
+    """Lays out a figure in inches: title, two rows of equal pictures with room for colour bars, and charts at the
     bottom."""
 
     WIDTH, MARGIN, BAR, HEAD, CAPTION = 5.2, 0.45, 0.72, 0.95, 0.42
 
-    def __init__(
-        self, title: str, subtitle: str, columns: int, picture_rows: int, aspect: float, chart_height: float = 0.0
-    ) -> None:
+    def __init__(self, title: str, subtitle: str, columns: int, aspect: float, chart_height: float = 0.0) -> None:
         self._picture_height = self.WIDTH * aspect
         self._chart_height = chart_height
         self._inner = columns * self.WIDTH + (columns - 1) * self.BAR
         below = chart_height + 0.95 if chart_height else 0.25
-        height = self.HEAD + picture_rows * (self._picture_height + self.CAPTION) + below
+        height = self.HEAD + 2 * (self._picture_height + self.CAPTION) + below
         self._size = self._inner + 2 * self.MARGIN + 0.3, height
         self.figure = Figure(figsize=self._size, facecolor="white")
         left, title_at, subtitle_at = self.MARGIN / self._size[0], 1.0 - 0.42 / height, 1.0 - 0.76 / height

@@ -11,7 +11,6 @@ from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -21,7 +20,7 @@ from activestereo.compare.effect_trials import StripView
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.report.first_screen import where_most_goes
-from activestereo.report.page import data_address, page, web_file
+from activestereo.report.page import coloured, data_address, page, web_file
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
@@ -111,12 +110,12 @@ def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) 
     middle, effect = strips[len(strips) // 2], strips[0].effect
     (high, limit), is_share = strip_ranges(middle), is_flat(middle)
     colours = "gray" if middle.unit == "DN" else "viridis"
-    shade = lambda image: _shaded(image / high, colours)  # noqa: E731
+    shade = lambda image: data_address(coloured(image / high, colours))  # noqa: E731
     strengths = [
         {
             "words": parameter_words(strip),
             "with_it": shade(strip.with_it),
-            "difference": _shaded(0.5 + 0.5 * shown_change(strip, is_share)[0] / limit, "RdBu_r"),
+            "difference": data_address(coloured(0.5 + 0.5 * shown_change(strip, is_share)[0] / limit, "RdBu_r")),
         }
         for strip in strips
     ]
@@ -134,11 +133,6 @@ def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) 
         "strengths": json.dumps(strengths).replace("<", "\\u003c"),
     }
     return Template(web_file("strip.html")).substitute(parts)
-
-
-def _shaded(share: NDArray[np.float64], colours: str) -> str:
-    rgb = np.asarray(colormaps[colours](np.clip(share, 0.0, 1.0)))[..., :3]
-    return data_address(np.rint(255.0 * rgb).astype(np.uint8))
 
 
 def found_strips(

@@ -125,7 +125,7 @@ def test_dots_under_the_pointer_are_shown_where_the_right_camera_has_them(view):
 
 
 def test_nothing_but_the_server_is_asked_and_nothing_fails(view):
-    assert {address.split("/")[2] for address in view.page.requests()} == {f"127.0.0.1:{view.server.guard.port}"}
+    assert {address.split("/")[2] for address in view.page.requests()} == {f"127.0.0.1:{view.server.server_port}"}
     assert view.page.complaints() == []
 
 

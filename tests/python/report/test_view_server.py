@@ -51,7 +51,7 @@ class Client:
     """Requests to a server as its own page sends them, but for what a test changes."""
 
     def __init__(self, server):
-        self.port, self.token = server.guard.port, server.guard.token
+        self.port, self.token = server.server_port, server.token
 
     def ask(self, method="GET", path="", body=None, token=None, **headers):
         """(status, headers, content). headers: with _ for -; None leaves one out."""
@@ -112,8 +112,8 @@ def test_the_page_its_files_and_its_calls_are_answered(client):
 
 def test_it_listens_on_the_loopback_address_alone(server):
     assert server.server_address[0] == "127.0.0.1"
-    assert server.address == f"http://127.0.0.1:{server.guard.port}/{server.guard.token}/"
-    assert len(server.guard.token) >= 32
+    assert server.address == f"http://127.0.0.1:{server.server_port}/{server.token}/"
+    assert len(server.token) >= 32
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ class _Slow:
                 raise Superseded
             time.sleep(0.002)
         image = np.full((2, 3), settings.gain, np.float32)
-        return Pictures(image, image, None, 1.0)
+        return Pictures(image, image, image)
 
 
 def test_a_later_setting_of_the_same_page_ends_an_earlier_one(tmp_path):
@@ -373,5 +373,5 @@ def test_the_port_that_is_asked_for_is_taken_or_refused(server, tmp_path, capsys
     write_gray(tmp_path / "left.png", np.zeros((8, 8), np.uint8))
     with make_server(args, args.path) as own:
         assert f":{port}/" in own.address
-    told = refused(("view", tmp_path, "--device", "cpu", "--port", server.guard.port), capsys)
-    assert f"--port {server.guard.port}" in told
+    told = refused(("view", tmp_path, "--device", "cpu", "--port", server.server_port), capsys)
+    assert f"--port {server.server_port}" in told

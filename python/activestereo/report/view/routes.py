@@ -128,8 +128,11 @@ def _whole(given: Mapping[str, Any], name: str) -> int:
 
 
 def _answer(pictures: Pictures) -> bytes:
-    facts = {name: getattr(pictures, name) for name in ("exposure_s", "gain", "render_s")}
-    return packed(facts, pictures.images())
+    facts, images = (
+        {name: getattr(pictures, name) for name in names}
+        for names in (("exposure_s", "gain", "render_s"), ("left", "right", "disparity"))
+    )
+    return packed(facts, images)
 
 
 def packed(content: Mapping[str, Any], images: Mapping[str, NDArray[Any]] | None = None) -> bytes:

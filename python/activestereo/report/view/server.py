@@ -11,8 +11,6 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from contextvars import copy_context
-from dataclasses import dataclass
-from email.message import Message
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -54,52 +52,9 @@ class Refused(Exception):
     """Reports a refused request. args: its HTTP status, and one line with the reason."""
 
 
-@dataclass(frozen=True)
-class Guard:
-    """Checks requests to one server. port: the server's; token: a secret, with which all served paths begin."""
-
-    port: int
-    token: str
-
-    def inner_path(self, path: str, headers: Message) -> str:
-        """Returns the request's path after the token, without a query. Raises Refused for a wrong host, token or
-        origin.
-
-        A page of another origin may send requests here, and a name that it owns may resolve to this address.
-        """
-        hosts = {f"{host}:{self.port}" for host in HOSTS}
-        host = headers.get("Host", "")
-        if host not in hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, f"this server is {HOSTS[0]}:{self.port} and answers to no other name")
-        origin = headers.get("Origin")
-        if origin is not None and origin != f"http://{host}":
-            raise Refused(HTTPStatus.FORBIDDEN, "pages of other origins are not answered")
-        if headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
-            raise Refused(HTTPStatus.FORBIDDEN, "pages of other sites are not answered")
-        empty, token, *rest = path.partition("?")[0].split("/")
-        if empty or not rest or not hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
-            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here: open the whole address that was printed")
-        return "/".join(rest)
-
-    def body_bytes(self, headers: Message) -> int:
-        """Returns the size of a call's body in bytes. Raises Refused if the origin, the size or the JSON content type
-        is missing, or the body is too large."""
-        if headers.get("Origin") is None:
-            raise Refused(HTTPStatus.FORBIDDEN, "a call needs the header Origin")
-        if headers.get("Content-Type", "").partition(";")[0].strip().lower() != _JSON:
-            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a call's body is {_JSON}")
-        length = headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdecimal() and len(length) <= 9):
-            raise Refused(HTTPStatus.LENGTH_REQUIRED, "a call needs the header Content-Length, a whole number of bytes")
-        if int(length) > LARGEST_BODY_BYTES:
-            most = f"{LARGEST_BODY_BYTES} bytes"
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"the body has {length} bytes, at most {most} are read")
-        return int(length)
-
-
 class ViewServer(ThreadingHTTPServer):
     """Serves the page at `address`. calls: {name: function from the call's JSON object to the answer}; the page shows
-    their ValueErrors and OSErrors. port: 0 for a free one."""
+    their ValueErrors and OSErrors. port: 0 for a free one. token: a secret, with which all served paths begin."""
 
     daemon_threads = True
     request_queue_size = 2 * _MOST_CONNECTIONS
@@ -108,8 +63,8 @@ class ViewServer(ThreadingHTTPServer):
         self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
         self.free_calls = threading.BoundedSemaphore(_MOST_CALLS)
         super().__init__((HOSTS[0], port), partial(_Handler, calls, copy_context()))
-        self.guard = Guard(self.server_address[1], secrets.token_urlsafe(24))
-        self.address = f"http://{HOSTS[0]}:{self.guard.port}/{self.guard.token}/"
+        self.token = secrets.token_urlsafe(24)
+        self.address = f"http://{HOSTS[0]}:{self.server_port}/{self.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Starts a thread for a connection, or refuses it beyond a limit."""
@@ -161,23 +116,53 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, make: Callable[[str], tuple[bytes, str]]) -> None:
         try:
-            content, kind = make(self.server.guard.inner_path(self.path, self.headers))
+            content, kind = make(self._inner_path())
         except Refused as refusal:
-            status, reason = refusal.args
-            self._send(status, reason.encode(), "text/plain")
-            return
+            status, text = refusal.args
         except (ValueError, OSError, RuntimeError) as error:
-            text = " ".join(str(error).split()).encode(errors="backslashreplace")  # JSON may hold half a character
-            self._send(HTTPStatus.BAD_REQUEST, text, "text/plain")
-            return
+            status, text = HTTPStatus.BAD_REQUEST, " ".join(str(error).split())
         except Exception as error:  # a fault of the program: the page shows it, and the next call is answered
-            text = f"a fault of the program: {error!r}".encode(errors="backslashreplace")
-            self._send(HTTPStatus.INTERNAL_SERVER_ERROR, text, "text/plain")
+            status, text = HTTPStatus.INTERNAL_SERVER_ERROR, f"a fault of the program: {error!r}"
+        else:
+            self._send(HTTPStatus.OK, content, kind)
             return
-        self._send(HTTPStatus.OK, content, kind)
+        self._send(status, text.encode(errors="backslashreplace"), "text/plain")  # JSON may hold half a character
+
+    def _inner_path(self) -> str:
+        """Returns the request's path after the token, without a query. Raises Refused for a wrong host, token or
+        origin.
+
+        A page of another origin may send requests here, and a name that it owns may resolve to this address.
+        """
+        port, host = self.server.server_port, self.headers.get("Host", "")
+        if host not in {f"{own}:{port}" for own in HOSTS}:
+            raise Refused(HTTPStatus.FORBIDDEN, f"this server is {HOSTS[0]}:{port} and answers to no other name")
+        if self.headers.get("Origin", f"http://{host}") != f"http://{host}":
+            raise Refused(HTTPStatus.FORBIDDEN, "pages of other origins are not answered")
+        if self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            raise Refused(HTTPStatus.FORBIDDEN, "pages of other sites are not answered")
+        empty, token, *rest = self.path.partition("?")[0].split("/")
+        if empty or not rest or not hmac.compare_digest(token.encode("utf-8", "replace"), self.server.token.encode()):
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here: open the whole address that was printed")
+        return "/".join(rest)
+
+    def _body_bytes(self) -> int:
+        """Returns the size of a call's body in bytes. Raises Refused if the origin, the size or the JSON content type
+        is missing, or the body is too large."""
+        if self.headers.get("Origin") is None:
+            raise Refused(HTTPStatus.FORBIDDEN, "a call needs the header Origin")
+        if self.headers.get("Content-Type", "").partition(";")[0].strip().lower() != _JSON:
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a call's body is {_JSON}")
+        length = self.headers.get("Content-Length", "")
+        if not (length.isascii() and length.isdecimal() and len(length) <= 9):
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "a call needs the header Content-Length, a whole number of bytes")
+        if int(length) > LARGEST_BODY_BYTES:
+            most = f"{LARGEST_BODY_BYTES} bytes"
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"the body has {length} bytes, at most {most} are read")
+        return int(length)
 
     def _call(self, name: str) -> tuple[bytes, str]:
-        body = self.rfile.read(self.server.guard.body_bytes(self.headers))
+        body = self.rfile.read(self._body_bytes())
         if name not in self._calls:
             raise Refused(HTTPStatus.NOT_FOUND, "there is no such call")
         try:

@@ -54,21 +54,15 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Pictures:
-    """An infrared pair and its disparity. left, right: DN, float32 [height][width]. disparity_px: of the left image,
-    NaN = none; None without depth. Depth in metres is focal_baseline_px_m / disparity. render_s: the time that a
-    simulation took."""
+    """An infrared pair and its disparity. left, right: DN, float32 [height][width]. disparity: of the left image,
+    pixels, NaN = none. render_s: the time that a simulation took."""
 
     left: NDArray[np.float32]
     right: NDArray[np.float32]
-    disparity_px: NDArray[np.float32] | None
-    focal_baseline_px_m: float
+    disparity: NDArray[np.float32]
     exposure_s: float | None = None
     gain: float | None = None
     render_s: float = 0.0
-
-    def images(self) -> dict[str, NDArray[np.float32]]:
-        named = {"left": self.left, "right": self.right, "disparity": self.disparity_px}
-        return {name: image for name, image in named.items() if image is not None}
 
 
 class Superseded(Exception):
@@ -86,7 +80,7 @@ class Simulation:
         return [self._scene.material_name(number) for number in range(self._scene.summary.material_count)]
 
     def picture(
-        self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool] = lambda: True
+        self, exposure: Exposure, settings: Settings, is_draft: bool, is_wanted: Callable[[], bool]
     ) -> Pictures:
         """Renders the exposure under these settings. is_draft: few samples, so that it takes little time. Raises
         Superseded if is_wanted() turns false before or during the render."""
@@ -149,13 +143,11 @@ def _pictures(sensor: StereoDepthSensor, begin: float) -> Pictures:
     sensor.compute_depth(("disparity", "ir_left", "ir_right"))
     config = sensor.get_config()
     left, right = (image.astype(np.float32) for image in sensor.get_ir_measured())
-    depth_m, focal_baseline = sensor.get_depth(), config.focal_baseline_px_m
     if config.rectified and not is_distorting(config.ir_distortion):
         # Registration would remove sub-pixel positions.
         disparity = sensor.get_disparity()
         disparity = np.where(disparity > 0, disparity, np.float32(np.nan))
     else:
-        disparity = disparity_of(depth_m, focal_baseline)
-    taken_s = perf_counter() - begin
+        disparity = disparity_of(sensor.get_depth(), config.focal_baseline_px_m)
     exposure_s, gain = float(config.ir_camera_exposure), float(config.ir_camera_gain)
-    return Pictures(left, right, disparity, focal_baseline, exposure_s, gain, taken_s)
+    return Pictures(left, right, disparity, exposure_s, gain, perf_counter() - begin)

@@ -70,10 +70,10 @@ class CaptureSource:
         ]
 
     def facts(self) -> dict[str, object]:
-        """Returns the left camera's figures (size, max_dn, K, focal_baseline_px_m), with which the page computes
-        depth and points."""
-        rig = self._capture.rig
-        return _facts("capture", rig.left.size, rig.max_dn, rig.left.K, self._focal_baseline_px_m)
+        """Returns the left camera's figures (size, K, focal_baseline_px_m), with which the page computes depth and
+        points."""
+        left = self._capture.rig.left
+        return _facts(left.size, left.K, self._focal_baseline_px_m, has_measured=True)
 
     def measured(self, frame_id: int) -> Pictures:
         """Returns one measured frame with the device's depth, or with depth matched from the pair if the device gave
@@ -84,9 +84,7 @@ class CaptureSource:
         if depth is None:
             with self._matching:
                 depth = self._matcher().depth(left, right)
-        focal_baseline = self._focal_baseline_px_m
-        disparity = disparity_of(depth, focal_baseline)
-        return Pictures(left, right, disparity, focal_baseline, frame.exposure_s, frame.gain)
+        return Pictures(left, right, disparity_of(depth, self._focal_baseline_px_m), frame.exposure_s, frame.gain)
 
     @computed_once
     def simulation(self) -> Simulation | None:
@@ -104,10 +102,10 @@ class CaptureSource:
     def exposure(self, frame_id: int) -> Exposure:
         """Returns the Exposure that simulates one frame: the sensor's settings, model and pose."""
         if frame_id not in self._exposures:
-            frame, model = self._frame(frame_id), self._model()
+            frame = self._frame(frame_id)
             config = self._config(frame)
             conditions = config.ir_ambient_radiance, frame.temperature_c, frame.timestamp_s, frame.camera_velocity
-            self._exposures[frame_id] = Exposure(config, model, frame.camera_to_world, *conditions)
+            self._exposures[frame_id] = Exposure(config, self._model(), frame.camera_to_world, *conditions)
         return self._exposures[frame_id]
 
     def _frame(self, frame_id: int) -> Frame:
@@ -166,7 +164,7 @@ class SceneSource:
     """Simulates frames of a scene file. config: the sensor. model: the sensor's effects, None for none."""
 
     def __init__(
-        self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None = None
+        self, path: Path, device: kuafu.Device, config: StereoDepthSensorConfig, model: SensorModel | None
     ) -> None:
         self.title, self._path, self._device = path.name, path, device
         self._config, self._model = config, SensorModel() if model is None else model
@@ -179,10 +177,8 @@ class SceneSource:
 
     def facts(self) -> dict[str, object]:
         """Returns the left camera's figures, with the keys of CaptureSource.facts()."""
-        signal = self._config.ir_signal
-        bits = int(signal.get("bit_depth", 8)) if isinstance(signal, dict) else 8
         own = self._left_config
-        return _facts("scene", own.ir_resolution, 2**bits - 1, own.ir_intrinsic, own.focal_baseline_px_m)
+        return _facts(own.ir_resolution, own.ir_intrinsic, own.focal_baseline_px_m, has_measured=False)
 
     def measured(self, frame_id: int) -> Pictures:
         raise ValueError(f"{self.title} is a scene: nothing was measured in it")
@@ -218,7 +214,6 @@ class SceneSource:
         return scene
 
 
-def _facts(kind: str, size: tuple[int, int], max_dn: int, K: Any, focal_baseline_px_m: float) -> dict[str, object]:
-    named = {"kind": kind, "has_measured": kind == "capture", "width": size[0], "height": size[1], "max_dn": max_dn}
-    k = np.ravel(K).tolist()
-    return named | {"k": k, "has_depth": True, "focal_baseline_px_m": focal_baseline_px_m}
+def _facts(size: tuple[int, int], K: Any, focal_baseline_px_m: float, has_measured: bool) -> dict[str, object]:
+    named = {"has_measured": has_measured, "width": size[0], "height": size[1]}
+    return named | {"k": np.ravel(K).tolist(), "focal_baseline_px_m": focal_baseline_px_m}

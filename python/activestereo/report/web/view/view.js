@@ -143,7 +143,7 @@ function wait(name = "", is_waiting = true) {
 function drawCloud() {
   for (const name of ["measured", "simulated"]) {
     const picture = pictures[name];
-    const is_shown = picture && picture.images.disparity && [name, "both"].includes(clouds);
+    const is_shown = picture && [name, "both"].includes(clouds);
     if (is_shown && !picture.points) {
       picture.points = Cloud.points(picture.images.left, picture.images.disparity, facts, sortedHigh(picture));
       if (!cloud.isAimed) cloud.aimAt(picture.points);
