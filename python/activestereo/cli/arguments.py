@@ -18,13 +18,12 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 
 from activestereo.common.baseline import unit_question
-from activestereo.common.input_files import read_json_object
 from activestereo.common.limits import camera_matrix_fault
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
 from activestereo.common.shown import did_you_mean, nearest, printable, unknown
-from activestereo.report.screen import COLUMNS, Step, command, screen
+from activestereo.report.screen import COLUMNS
 
 # The exit status of every command; examples/guide/command_line.md explains them to users.
 FINE = 0
@@ -342,21 +341,14 @@ SAME_RUN = "spp", "max_bounces", "seed", "device"
 
 def carried(args: argparse.Namespace, *names: str) -> list[Any]:
     """Returns the words with which a suggested next command repeats options of this run. names: the options, with "_"
-    for "-". Options at their default value are left out."""
+    for "-". Options at their default value are left out; an option that may be given several times is repeated."""
     usual = {option[-1]: keywords.get("default") for option, keywords in _SHARED.values()}
-    given = [(f"--{name.replace('_', '-')}", getattr(args, name)) for name in names]
-    return [word for option, value in given if value != usual.get(option) for word in (option, value)]
-
-
-def print_section(args: argparse.Namespace, section: str, text: str, *after: Step) -> None:
-    """Prints the section that a calibration wrote into args.out, a model.json: as JSON under --json, else `text` and
-    commands to run next. text: a summary in its first line, then notes. after: the commands; `model show` if none."""
-    if args.json:
-        print_json(read_json_object(args.out).get(section, []))
-        return
-    sentence, *notes = text.splitlines()
-    steps = after or [command("model", "show", args.out)]
-    print(screen(f"{section} in {args.out}: {sentence.strip()}", (), notes, steps, verbose=args.verbose))
+    words: list[Any] = []
+    for name in names:
+        option, value = f"--{name.replace('_', '-')}", getattr(args, name)
+        for one in value if isinstance(value, list) else [value]:
+            words += [] if one == usual.get(option) else [option, one]
+    return words
 
 
 def print_json(value: Any) -> None:

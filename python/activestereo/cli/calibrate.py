@@ -215,7 +215,12 @@ def _run_section(args: argparse.Namespace) -> None:
     with ProgressBar(f"calibrating {args.part}") as bar:
         model, text, *steps = args.measure(args, bar)
     replace_sections(args.out, model, keep_rig=args.part == "pattern")
-    cli.print_section(args, args.section, text, *steps)
+    if args.json:
+        cli.print_json(read_json_object(args.out).get(args.section, []))
+        return
+    sentence, *notes = text.splitlines()
+    steps = steps or [command("model", "show", args.out)]
+    print(screen(f"{args.section} in {args.out}: {sentence.strip()}", (), notes, steps, verbose=args.verbose))
 
 
 def _noise(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:

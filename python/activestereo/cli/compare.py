@@ -60,7 +60,6 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.report.write import write_report
 
     effects = library(*args.effects)
-    own = [word for file in args.effects for word in ("--effects", file)]
     under_model = {} if args.model is None else _model_arguments(args, capture, effects)
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, PHASES | {WRITING: WRITING_S})
@@ -70,7 +69,7 @@ def run(args: argparse.Namespace) -> None:
         )  # fmt: skip
         is_found = args.model is not None and is_near_noise(comparison.scores)
         name, folder = ("simulate", "simulated") if is_found else ("diagnose", "diagnosis")
-        same = "--model", args.model, *own, *cli.carried(args, *cli.SAME_RUN)
+        same = cli.carried(args, "model", "effects", *cli.SAME_RUN)
         next_step = command(name, args.capture, *same, "-o", args.out / folder)
         match = comparison.scores["match"]
         if match["geometry"] is not None and match["geometry"] < LEAST * match["possible"]:  # no effect explains that

@@ -32,6 +32,7 @@ from activestereo.common.output_files import (
 from activestereo.common.parameter import MATCHER, RIG
 from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import ProgressBar
+from activestereo.common.shown import counted
 from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
 
@@ -259,7 +260,7 @@ def _run_recording(args: argparse.Namespace) -> None:
     notes += [f"assumed: {line}" for line in assumed]
     before = f", {len(done)} were there already" if done else ""
     measured = "" if share is None else f"; {100 * share:.1f} % of the pixels have depth"
-    sentence = f"{number} pair{'' if number == 1 else 's'} matched{before}{measured}. 16-bit depth is in {args.out}."
+    sentence = f"{counted(number, 'pair')} matched{before}{measured}. 16-bit depth is in {args.out}."
     order = sorted(fills, key=lambda name: fills[name])
     ends = (("least", order[0]), ("most", order[-1])) if number > 1 else ()
     figures = [Figure(f"{which}: {name}", f"{100 * fills[name]:.1f} %", fills[name]) for which, name in ends]

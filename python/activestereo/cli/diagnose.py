@@ -125,16 +125,14 @@ def run(args: argparse.Namespace) -> None:
 def _steps(args: argparse.Namespace, diagnosis: Diagnosis) -> list[Step]:
     """Returns the commands to run next. They check and use the found model, or diagnose again with the stub of an
     unknown effect. If there is neither, the command shows the capture."""
-    own = [word for file in args.effects for word in ("--effects", file)]
     if diagnosis.stub:
+        names = "model", "effects", "alpha", "least_share", "bin", "workers", *cli.SAME_RUN, "reference"
+        same = [*cli.carried(args, *names), *([] if args.refine else ["--no-refine"])]
         stub = ("--effects", args.out / "effect_stub.py", "-o", args.out / "again")
-        how = cli.carried(args, "alpha", "least_share", "bin", "workers", *cli.SAME_RUN)
-        how += [word for folder in args.reference for word in ("--reference", folder)]
-        how += [] if args.refine else ["--no-refine"]
-        return [command("diagnose", args.capture, "--model", args.model, *own, *how, *stub)]
+        return [command("diagnose", args.capture, *same, *stub)]
     if diagnosis.sensor_model is None:
         return [command("view", args.capture, *cli.carried(args, "device"))]
-    model = "--model", args.out / "model.json", *own, *cli.carried(args, *cli.SAME_RUN)
+    model = "--model", args.out / "model.json", *cli.carried(args, "effects", *cli.SAME_RUN)
     return [
         command("compare", args.capture, *model, "-o", args.out / "after", label="check"),
         command("simulate", args.capture, *model, "-o", args.out / "simulated", label="use"),

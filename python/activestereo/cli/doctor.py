@@ -20,6 +20,7 @@ from typing import Any
 
 from activestereo.cli import arguments as cli
 from activestereo.common.input_files import read_json_object, read_text
+from activestereo.common.shown import counted
 from activestereo.report.screen import wrapped_lines
 
 _TEXT = """\
@@ -54,9 +55,8 @@ def run(args: argparse.Namespace) -> None:
     found = examine()
     cli.print_json(found) if args.json else print(_words(found))
     sys.stdout.flush()
-    count = len(found["problems"])
-    if count:
-        raise cli.Finding(f"{count} problem{'s' if count > 1 else ''} with the Vulkan set-up")
+    if found["problems"]:
+        raise cli.Finding(f"{counted(len(found['problems']), 'problem')} with the Vulkan set-up")
 
 
 def examine() -> dict[str, Any]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_json, write_text
-from activestereo.common.shown import printable
+from activestereo.common.shown import counted, printable
 from activestereo.common.text_table import columns
 from activestereo.report.lettering import write_figure
 
@@ -75,28 +75,28 @@ def run_list(args: argparse.Namespace) -> None:
     from activestereo.effects import builtin
 
     if args.json:
-        cli.print_json(_as_json(builtin()))
+        cli.print_json(_as_json(builtin().values()))
     else:
-        print(_table(builtin()))
+        print(_table(builtin().values()))
 
 
 def _engine_or_image(e: Effect) -> str:
     return "image only" if e.engine is None else "engine"
 
 
-def _table(effects: dict[str, Effect]) -> str:
+def _table(effects: Collection[Effect]) -> str:
     """Returns a text table with one line per effect: id, stage, family, and 'engine' or 'image only'. Its parameters
     and their units follow below each line."""
     rows = [("id", "stage", "family", "simulated")]
-    rows += [(e.id, e.stage.name.lower(), e.family, _engine_or_image(e)) for e in effects.values()]
+    rows += [(e.id, e.stage.name.lower(), e.family, _engine_or_image(e)) for e in effects]
     head, *lines = columns(rows).splitlines()
-    for line, e in zip(lines, effects.values(), strict=True):
+    for line, e in zip(lines, effects, strict=True):
         said = ", ".join(p.name if p.unit == "1" else f"{p.name} [{p.unit}]" for p in e.parameters)
         head += f"\n{line}" + f"\n{fill(said, 80, initial_indent=4 * ' ', subsequent_indent=4 * ' ')}" * bool(said)
     return head
 
 
-def _as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
+def _as_json(effects: Collection[Effect]) -> list[dict[str, Any]]:
     """Returns one dict per effect for JSON: id, stage, family, 'engine' or 'image only', and parameters with unit and
     range."""
     return [
@@ -107,7 +107,7 @@ def _as_json(effects: dict[str, Effect]) -> list[dict[str, Any]]:
             "simulated": _engine_or_image(e),
             "parameters": [{"name": p.name, "unit": p.unit, "low": p.low, "high": p.high} for p in e.parameters],
         }
-        for e in effects.values()
+        for e in effects
     ]
 
 
@@ -149,7 +149,7 @@ def run_check(args: argparse.Namespace) -> None:
     broken_of = {e.id: [sentence.removeprefix(f"{e.id}: ") for sentence in broken_laws(e)] for e in chosen}
     off = {} if any(broken_of.values()) else {name: round(far, 4) for name, far in differences(chosen, args.device)}
     if args.json:
-        rows = _as_json({e.id: e for e in chosen})
+        rows = _as_json({e.id: e for e in chosen}.values())
         cli.print_json([row | {"broken": broken_of[row["id"]], "difference": off.get(row["id"])} for row in rows])
     for e in () if args.json else chosen:
         place = "takes the place of the built-in one, " * (e.id in builtin() and e is not builtin()[e.id])
@@ -161,7 +161,7 @@ def run_check(args: argparse.Namespace) -> None:
     if args.out:
         write_json(args.out, off)
     if lawless := sum(map(bool, broken_of.values())):
-        said = f"{lawless} effect{'s' if lawless > 1 else ''} with broken laws"
+        said = f"{counted(lawless, 'effect')} with broken laws"
         raise cli.Finding(said if args.all else f"{', '.join(args.effects)}: {said}")
 
 

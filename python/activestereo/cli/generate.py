@@ -8,6 +8,7 @@ from pathlib import Path
 
 from activestereo.cli import arguments as cli
 from activestereo.common.progress_bar import ProgressBar, duration
+from activestereo.common.shown import counted
 from activestereo.report.screen import command, screen
 from activestereo.scene_io import OWN_ENDINGS
 
@@ -102,11 +103,11 @@ def run(args: argparse.Namespace) -> None:
     cli.make_folder(args.out)
     workers = args.workers or 1
     ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)
-    by = f"{workers} worker{'' if workers == 1 else 's'}" if ray is None else f"Ray at {args.ray}"
-    with ProgressBar(f"{args.count} frame{'s' * (args.count > 1)} with {by}") as bar:
+    by = counted(workers, "worker") if ray is None else f"Ray at {args.ray}"
+    with ProgressBar(f"{counted(args.count, 'frame')} with {by}") as bar:
         done = generate(settings, args.out, args.count, workers, args.part, bar, ray)
-    frames = f"{done.made} frame{'' if done.made == 1 else 's'}"
-    rate = f"{frames} in {duration(done.seconds)}, {done.made / max(done.seconds, 1e-9):.2f} a second"
+    per_s = done.made / max(done.seconds, 1e-9)
+    rate = f"{counted(done.made, 'frame')} in {duration(done.seconds)}, {per_s:.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]
     notes += [f"{done.there} were there already"] if done.there else []
     if not done.missing:

@@ -172,7 +172,7 @@ def missing_text(files: Sequence[FrameFiles], frames: Sequence[Frame], has_poses
 def unused_images(folder: Path, files: Sequence[FrameFiles]) -> list[Path]:
     """Lists the folder's PNG files that belong to no frame."""
     used = {file for entry in files for file in entry.files.values()}
-    return sorted(set(Path(folder).rglob("*.png")) - used)
+    return sorted(set(folder.rglob("*.png")) - used)
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:

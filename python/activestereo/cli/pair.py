@@ -73,5 +73,5 @@ def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.nd
         sizes = f"{depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}"
         raise cli.CommandError(f"{args.device_depth} is {sizes}: not a whole number of times smaller")
     metres, out = depth * args.depth_scale, np.zeros(shape)
-    out[::step, ::step] = np.where(metres > 0, args.k[0, 0] * args.baseline / np.where(metres > 0, metres, 1.0), 0.0)
+    np.divide(args.k[0, 0] * args.baseline, metres, out=out[::step, ::step], where=metres > 0)
     return out

@@ -23,7 +23,7 @@ from activestereo.common.output_files import write_depth_png, write_json, write_
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.common.shown import listed, printable
+from activestereo.common.shown import counted, listed, printable
 from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
 from activestereo.scene_io import OWN_ENDINGS, USD_ENDINGS
@@ -137,12 +137,15 @@ def run(args: argparse.Namespace) -> None:
     if args.scene.is_dir():  # a capture: its scene, from its first frame's pose
         capture = read_capture(args.scene)
         args.scene, view = capture.scene_path, capture.frames[0]
-    config = make_config(args, model, view)
+    is_known = model is not None and {"projector_scale", "ambient_scale"} <= set(model.nuisances)
+    # The light of the capture's frame, if the model knows it and no option states another.
+    is_lit = view is not None and is_known and args.ambient is None and args.environment is None
+    config = make_config(args, model, view if is_lit else None)
     if not args.scene.exists():
         raise cli.CommandError(f"{args.scene}: there is no such file")
     from activestereo.sensor.sensor import StereoDepthSensor
 
-    scene, added = _load_scene(args, config, _is_lit(args, model, view))
+    scene, added = _load_scene(args, config, is_lit)
     if model is not None:
         warn_of_materials(model, scene)
     pose, chosen = _sensor_pose(args, scene, config, view)
@@ -200,8 +203,8 @@ def sensor_config(
 def make_config(
     args: argparse.Namespace, model: SensorModel | None = None, view: Frame | None = None
 ) -> StereoDepthSensorConfig:
-    """Returns sensor_config() with the command's options applied and checked. view: the capture's frame, or None."""
-    config = sensor_config(args, model, view if _is_lit(args, model, view) else None)
+    """Returns sensor_config() with the command's options applied and checked."""
+    config = sensor_config(args, model, view)
     config.render_seed = config.noise_seed = args.seed
     options.set_cameras(config, args)
     if args.laser_power is not None:
@@ -217,12 +220,6 @@ def make_config(
         config.ir_speckle_noise, config.ir_signal = 0.0, None
     config.check()  # before any work
     return config
-
-
-def _is_lit(args: argparse.Namespace, model: SensorModel | None, view: Frame | None) -> bool:
-    """Returns whether to use the light of the capture's frame: the model knows it, and no option states another."""
-    is_known = model is not None and {"projector_scale", "ambient_scale"} <= set(model.nuisances)
-    return view is not None and is_known and args.ambient is None and args.environment is None
 
 
 def _load_scene(
@@ -294,7 +291,7 @@ def _sensor_pose(
         return body_pose(view.camera_to_world @ camera_to_camera(Pose(), config.trans_pose_l)), ""
     count = scene.summary.camera_count
     if args.camera is not None and args.camera >= count:
-        raise cli.CommandError(f"--camera {args.camera}: {args.scene} has {count} camera{'' if count == 1 else 's'}")
+        raise cli.CommandError(f"--camera {args.camera}: {args.scene} has {counted(count, 'camera')}")
     if count:
         return body_pose(scene.camera(args.camera or 0).camera_to_world), ""
     place, chosen = overall_view(scene, config.min_depth_m)
@@ -338,7 +335,9 @@ def _report(
     share, unseen = light_share(sensor), unseen_bodies(sensor)
     if sensor.get_config().light_pattern is not None and any(row.pixels for row in rows):
         warn_of_light(share)
-    warn_of_unseen(unseen, sensor.scene.summary)
+    summary = sensor.scene.summary
+    size_m = float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m)))
+    warn_of_unseen(unseen, summary.instance_count, size_m)
     groups: dict[str, dict[str, float]] = {}
     for name, time in sensor.stage_times.items():
         group, stage = name.split(": ", 1)
@@ -351,7 +350,6 @@ def _report(
         made = {"device": info.name, "camera": _camera(sensor), "matching": matching, "stages_ms": groups}
         cli.print_json(made | {"accuracy": accuracy} | seen)
         return
-    size_m = float(np.max(np.subtract(sensor.scene.summary.bounds_max_m, sensor.scene.summary.bounds_min_m)))
     device = f"device: {info.name} ({info.kind}, {info.driver}); infrared pair shared by {sensor.ir_memory}"
     details = "\n".join(
         [device, options.matching_line(sensor.engine), options.stage_table(groups), accuracy_table(rows)]
@@ -418,18 +416,17 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
         _say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
 
 
-def warn_of_unseen(unseen: Sequence[tuple[str, str]], summary: kuafu.SceneSummary) -> None:
-    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. summary: the scene's
-    count of bodies and its bounds, for a hint at wrong units."""
+def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float) -> None:
+    """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. count: of the scene's
+    bodies. size_m: the scene's, for a hint at wrong units."""
     from activestereo.scene_io.scene_files import size_hint
 
     if not unseen:
         return
     named = "; ".join(f"'{name}' is {why}" for name, why in unseen[:_MOST_NAMED])
     more = f"; and {len(unseen) - _MOST_NAMED} more" if len(unseen) > _MOST_NAMED else ""
-    count = summary.instance_count
     what = "nothing can" if len(unseen) == count else f"{len(unseen)} of {count} bodies cannot"
-    hint = size_hint(float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m))))
+    hint = size_hint(size_m)
     _say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
 
 

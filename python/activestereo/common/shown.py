@@ -48,6 +48,11 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), *words[-1:]] if len(words) > 1 else words)
 
 
+def counted(number: int, noun: str) -> str:
+    """Returns the number with a noun, which gets an "s" unless the number is 1."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def without_unit(name: str, unit: str) -> str:
     """Returns a parameter's name without its unit: focus for focus_m in m, nearness for nearness_per_m in 1/m."""
     return name.removesuffix("_" + unit.replace("1/", "per ").replace(" ", "_"))

@@ -66,24 +66,17 @@ def screen(
 
 
 def command(*words: object, label: str = "next") -> Step:
-    """Makes a Step of an activestereo command. words: unquoted, without "activestereo". A word None is dropped together
-    with the option before it."""
-    given: list[str] = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
-    for word in words:
-        if word is None:
-            given.pop()
-        else:
-            text = str(word)
-            # Control characters become bash escapes, because they would end the line.
-            escaped = printable(text.replace("\\", "\\\\")).replace("'", "\\'")
-            given.append(shlex.quote(text) if text.isprintable() else f"$'{escaped}'")
+    """Makes a Step of an activestereo command. words: unquoted, without "activestereo"."""
+    given = ["activestereo", *(["--allow-outside"] if is_outside_allowed() else [])]
+    for text in map(str, words):
+        # Control characters become bash escapes, because they would end the line.
+        escaped = printable(text.replace("\\", "\\\\")).replace("'", "\\'")
+        given.append(shlex.quote(text) if text.isprintable() else f"$'{escaped}'")
     return Step(tuple(given), label)
 
 
 def _bar_lines(figures: Sequence[Figure]) -> list[str]:
-    name, said = (
-        max((len(text) for text in own), default=0) for own in ([f.name for f in figures], [f.said for f in figures])
-    )
+    name, said = (max(map(len, own), default=0) for own in ([f.name for f in figures], [f.said for f in figures]))
     longest = max((figure.size or 0.0 for figure in figures), default=0.0)
     room = min(_LONGEST_BAR, COLUMNS - name - said - 6)
     bars = ["█" * max(1, round(room * f.size / longest)) if f.size else "" for f in figures]

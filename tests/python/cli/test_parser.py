@@ -151,7 +151,7 @@ def test_a_screen_keeps_its_lines_and_its_words():
 def test_a_shell_gets_the_words_that_were_meant():
     odd = 'a folder/it\'s \\ "new"\n'
     with outside_allowed():
-        text = screen("Sentence.", steps=[command("compare", odd, "--model", None, "-o", "x" * 70)])
+        text = screen("Sentence.", steps=[command("compare", odd, "-o", "x" * 70)])
     assert text.count("\n") == 2  # broken before options, and by nothing else
     assert led_on(text) == [["--allow-outside", "compare", odd, "-o", "x" * 70]]
 

@@ -214,7 +214,7 @@ def test_an_unknown_effect_shows_the_model_of_its_residual(comparison):
 
 
 def test_the_terminal_leads_on_to_a_diagnosis(comparison):
-    step = command("diagnose", "captures/table", "--model", None, "-o", "out/diagnosis")
+    step = command("diagnose", "captures/table", "-o", "out/diagnosis")
     text = comparison_screen(comparison.scores, step, Path("out/report.html"), "cache: empty", False)
     assert led_on(text) == [["diagnose", "captures/table", "-o", "out/diagnosis"]]
     verbose = comparison_screen(comparison.scores, step, Path("out/report.html"), "cache: empty", True)
