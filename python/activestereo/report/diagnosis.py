@@ -86,7 +86,7 @@ def parameter_text(name: str, found: Mapping[str, Any]) -> str:
     if half <= 0.0 or not isclose(high - value, value - low, rel_tol=0.01):  # it meets an end of the range
         return f"{shown} {value:.4g}{unit} ({low:.4g} to {high:.4g}{least})"
     decimals = max(1 - int(np.floor(np.log10(half))), 0)
-    least = " (all floor)" if floor and floor > _ALL * half else least and f" ({least[2:]})"
+    least = " (its formula's error)" if floor and floor > _ALL * half else least and f" ({least[2:]})"
     return f"{shown} {value:.{decimals}f} ±{half:.{decimals}f}{unit}{least}"
 
 

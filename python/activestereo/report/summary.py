@@ -193,9 +193,9 @@ def comparison_screen(scores: dict[str, Any], next_step: Step, page: Path, kept:
     figures = []
     for split, values in scores["ir"].items():
         figures.append(Figure(f"infrared error, {split}", f"{values['rmse_dn']:.2f} DN", values["rmse_dn"]))
-    floor = next(reversed(scores["ir"].values()))["noise_floor_dn"]
-    if floor is not None:
-        figures.append(Figure("noise alone", f"{floor:.2f} DN", floor))
+    for split, values in scores["ir"].items():
+        if (floor := values["noise_floor_dn"]) is not None:
+            figures.append(Figure(f"noise alone, {split}", f"{floor:.2f} DN", floor))
     details = f"{summary_table(scores)}\n{kept}"
     return screen(sentence, figures, [*notes, *_depth_line(scores["depth"])], [next_step], page, details, verbose)
 

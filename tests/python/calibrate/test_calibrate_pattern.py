@@ -275,7 +275,7 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     def wrong_sign(root):
         root["rig"]["left_to_right"][3] *= -1.0
 
-    assert "9 repeats in " in refusal("few", few)
+    assert "9 repeats, at least 10" in refusal("few", few)
     assert "no frames share a repeat_group" in refusal("alone", alone)
     assert "swapped" in refusal("swapped", swapped)
     assert "rig.left_to_right: x is" in refusal("sign", wrong_sign)

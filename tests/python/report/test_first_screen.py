@@ -199,7 +199,7 @@ def test_the_screen_has_errors_values_with_their_floor_and_the_next_commands():
     row["parameters"]["k"]["floor"] = 0.7
     row["parameters"] |= {"haze_per_m": {"value": 0.2, "low": 0.0, "high": 0.9, "unit": "1/m", "floor": 0.02}}
     text = _screen(result)
-    assert "k 4.00 ±0.70 m (all floor), haze 0.2 1/m (0 to 0.9," in text
+    assert "k 4.00 ±0.70 m (its formula's error), haze 0.2 1/m (0 to 0.9," in text
     assert "probability" not in _screen(result, True) and "confidence" not in _screen(result, True)
 
 
