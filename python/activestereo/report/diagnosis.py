@@ -130,6 +130,7 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     verdict, found = result["verdict"], {entry["effect"]: entry for entry in result["ranking"]}
     named = [found[name] for name in result["added"] if found.get(name, {}).get("parameters")]
     notes = [f"{entry['effect'] if len(named) > 1 else 'fitted'}: {_values(entry)}" for entry in named]
+    notes += [f"{name}: {why}." for name, why in result.get("own", {}).items() if name not in result["added"]]
     advice, engine = next_steps(result), result.get("depth") or {}
     if verdict != "effect":
         notes += advice[:1]

@@ -276,6 +276,8 @@ def test_own_effects_say_why_they_rank_where_they_do(diagnosis, words):
     text = " ".join(diagnosis_screen(result, [], Path("report.html"), "", True).split())
     assert "lacks mine_shading (my lens is dark)" in text
     assert all(f"yours: {why}" in text for why in own.values())
+    brief = " ".join(diagnosis_screen(result, [], Path("report.html"), "", False).split())
+    assert f"mine_idle: {own['mine_idle']}." in brief
     ranks = [line for line in words if " ranks " in line]  # by their scores, before anything is fitted
     assert words[0].startswith("looks like") and words[1 : 1 + len(ranks)] == ranks
     assert ranks[0].startswith("mine_shading ranks 1 of ") and "gain_mismatch" not in " ".join(ranks)
