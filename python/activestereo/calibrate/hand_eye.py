@@ -18,6 +18,7 @@ from activestereo.calibrate.least_squares import INTERVAL_90, deviations, motion
 from activestereo.capture.importers.frames import pose_of_seven
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import printed_motion, rigid_motion
+from activestereo.common.shown import shown
 
 _LEAST_POSES = 5
 # The robot must turn about two axes at least this far apart, and by this much, degrees.
@@ -93,8 +94,12 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
     """Reads {frame's name: gripper_to_base} from a CSV file. A line is name,x,y,z,qx,qy,qz,qw (metres, unit
     quaternion), or name and 16 numbers, row-major. A first line of words is a heading. Raises ValueError with file,
     line and fault."""
-    poses = {}
-    for number, row in enumerate(csv.reader(io.StringIO(read_text(path), newline="")), 1):
+    poses, lines = {}, dict[str, int]()
+    try:
+        rows = list(csv.reader(io.StringIO(read_text(path), newline="")))
+    except csv.Error as error:
+        raise ValueError(f"{path}: is no table of poses: {error}") from error
+    for number, row in enumerate(rows, 1):
         cells, place = [cell.strip() for cell in row], f"{path}: line {number}"
         if not any(cells):
             continue
@@ -106,6 +111,8 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
             raise ValueError(f"{place}: '{','.join(cells[1:])}' are not numbers") from None
         if len(values) not in (7, 16) or not np.isfinite(values).all():
             raise ValueError(f"{place}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major 4x4")
+        if (before := lines.setdefault(cells[0], number)) != number:
+            raise ValueError(f"{place}: frame {shown(cells[0])} has a pose in line {before}, too: keep one of them")
         if len(values) == 16:
             pose = values.reshape(4, 4)
             poses[cells[0]] = printed_motion(pose[:3, :3], pose[:3, 3], place, pose[3])

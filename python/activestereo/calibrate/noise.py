@@ -255,6 +255,11 @@ def calibrate_noise(
         told = f"{count} repeats in {len(views)} views of one camera, at least {LEAST_REPEATS} are needed"
         where = views[0].name if len(views) == 1 else f"{views[0].name} to {views[-1].name}"
         raise ValueError(f"{where}: {told}: record more frames of the same static view")
+    sizes = dict.fromkeys(view.counts.shape[:0:-1] for view in views)
+    for own in darks:
+        if (size := own.counts.shape[:0:-1]) not in sizes:
+            others = ", ".join(f"{width}x{height}" for width, height in sizes)
+            raise ValueError(f"{own.name}: dark frames have {size[0]}x{size[1]} pixels, the lit ones {others}")
     for view in views:
         check_still(view)
     max_dn = 2 ** bit_depth([*views, *darks]) - 1

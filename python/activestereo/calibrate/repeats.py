@@ -10,6 +10,7 @@ import numpy as np
 from activestereo.capture.capture import SIDES, read_capture
 from activestereo.capture.images import read_gray, read_npy
 from activestereo.common.input_files import read_text
+from activestereo.common.own_files import own_file
 from activestereo.common.rounding import ROUNDING_VARIANCE
 
 LEAST_REPEATS = 10
@@ -37,14 +38,8 @@ def read_repeats(path: Path) -> list[Repeats]:
     elif path.is_dir():
         views = []
         for folder in [path, *sorted(child for child in path.iterdir() if child.is_dir())]:
-            files = sorted(folder.glob("*.png"))
-            images = [read_gray(file, key="image") for file in files]
-            kinds = [f"{image.shape[1]}x{image.shape[0]} {image.dtype}" for image in images]
-            for file, kind in zip(files, kinds, strict=True):
-                if kind != kinds[0]:
-                    raise ValueError(f"{file}: is {kind}, {files[0].name} is {kinds[0]}")
-            if images:
-                views.append(Repeats(str(folder), np.stack(images), None, str(folder)))
+            if files := sorted(folder.glob("*.png")):
+                views.append(Repeats(str(folder), _stacked(files, "image"), None, str(folder)))
     else:
         raise ValueError(f"{path}: is no folder, no .npy stack and no capture")
     if not views:
@@ -53,6 +48,16 @@ def read_repeats(path: Path) -> list[Repeats]:
         if len(view.counts) < 2:
             raise ValueError(f"{view.name}: 1 frame: record two of each step of light, ten or more of a single view")
     return views
+
+
+def _stacked(files: list[Path], key: str) -> np.ndarray:
+    """Reads images of one size and type, [n, height, width]. key: as in read_gray()."""
+    images = [read_gray(file, key=key) for file in files]
+    kinds = [f"{image.shape[1]}x{image.shape[0]} {image.dtype}" for image in images]
+    for file, kind in zip(files, kinds, strict=True):
+        if kind != kinds[0]:
+            raise ValueError(f"{file}: is {kind}, {files[0].name} is {kinds[0]}")
+    return np.stack(images)
 
 
 def _read_capture(path: Path) -> list[Repeats]:
@@ -87,7 +92,10 @@ def read_steps(path: Path) -> tuple[list[Repeats], list[Repeats]]:
             files = []
             steps[head].append((f"{path}:{number}", files))
         elif head == "i":
-            files.append(path.parent / rest.strip().replace("\\", "/"))
+            try:
+                files.append(own_file(path.parent, rest.strip().replace("\\", "/")))
+            except ValueError as error:
+                raise ValueError(f"{path}:{number}: {error}") from error
         elif head[:1] not in ("v", "n", "#", ""):
             told = f"is {line[:60]!r}, expected a line 'v', 'n', 'b', 'd' or 'i' of EMVA 1288"
             raise ValueError(f"{path}:{number}: {told}")
@@ -97,9 +105,13 @@ def read_steps(path: Path) -> tuple[list[Repeats], list[Repeats]]:
         for name, own in steps[head]:
             if len(own) < 2:
                 raise ValueError(f"{name}: has {len(own)} of two frames of each step")
-            views.append(Repeats(name, np.stack([read_gray(file, key=name) for file in own[:2]])))
+            views.append(Repeats(name, _stacked(own[:2], name)))
     most = 0.7 * max(view.counts.mean() for view in lit)
-    return [view for view in lit if view.counts.mean() < most], dark
+    if not (lit := [view for view in lit if view.counts.mean() < most]):
+        raise ValueError(
+            f"{path}: no step of light lies below 70 % of the brightest, {most:.4g} DN: record darker ones"
+        )
+    return lit, dark
 
 
 def bit_depth(views: list[Repeats]) -> int:

@@ -62,7 +62,7 @@ def read_npy(path: str | Path, key: str, *axes: str) -> np.ndarray:
         counts = np.load(checked_file(path), mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, OverflowError, EOFError) as error:
         raise CaptureError(f"{path}: {key}: cannot be read as a .npy array: {error}") from error
-    if counts.ndim != len(axes) or counts.dtype not in (np.uint8, np.uint16):
+    if counts.ndim != len(axes) or not counts.size or counts.dtype not in (np.uint8, np.uint16):
         expected = "".join(f"[{axis}]" for axis in axes)
         raise CaptureError(f"{path}: {key}: is {counts.dtype} {counts.shape}, expected uint8 or uint16 {expected}")
     return np.array(counts)

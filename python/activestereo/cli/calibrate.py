@@ -209,9 +209,10 @@ def _section_part(
 
 
 def _run_section(args: argparse.Namespace) -> None:
-    from activestereo.model.write import replace_sections
+    from activestereo.model.write import replace_sections, stored_sections
 
     cli.check_out_file(args.out)
+    stored_sections(args.out)  # so that a wrong file is refused before the work
     with ProgressBar(f"calibrating {args.part}") as bar:
         model, text, *steps = args.measure(args, bar)
     replace_sections(args.out, model, keep_rig=args.part == "pattern")

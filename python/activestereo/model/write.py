@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.common.input_files import open_file, read_json
+from activestereo.capture.capture_json import JsonObject
+from activestereo.common.input_files import open_file, read_json_object
 from activestereo.common.output_files import flat, replace_file, write_json
 from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
 from activestereo.model.read import FORMAT, VERSION
@@ -36,32 +37,39 @@ def replace_sections(path: Path, measured: SensorModel, keep_rig: bool = False) 
 
     Writes the rig, pattern, imager, effects, nuisances and materials of `measured` into the file at `path`, which is
     made if it does not exist. Effects, nuisances and materials replace only those of the same names. keep_rig: in a rig
-    that is there already, only left_to_projector is replaced. Raises ValueError with the file, and writes nothing, if
-    the file is no model or has another version."""
-    path = Path(path)
-    new = model_json(measured)
-    root: dict[str, Any] = {"format": FORMAT, "version": VERSION}
-    if path.exists():
-        root = read_json(path)
-        if not isinstance(root, dict) or root.get("format") != FORMAT:
-            raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
-        if root.get("version") != VERSION:
-            raise ValueError(
-                f"{path}: version is {root.get('version')}, sections are written into version {VERSION}: give another "
-                "file to -o"
-            )
-    if keep_rig and "rig" in root and "rig" in new:
+    that is there already, only left_to_projector is replaced. Raises as stored_sections(), and then writes nothing."""
+    new, root = model_json(measured), stored_sections(path)
+    if keep_rig and root.get("rig") and "rig" in new:
         new["rig"] = root["rig"] | {"left_to_projector": new["rig"]["left_to_projector"]}
     root |= {name: new[name] for name in ("rig", "pattern", "imager") if name in new}
     if new["effects"]:
         names = {effect["id"] for effect in new["effects"]}
-        kept = [effect for effect in root.get("effects", []) if effect.get("id") not in names]
+        kept = [effect for effect in root.get("effects") or [] if effect.get("id") not in names]
         root["effects"] = kept + new["effects"]
     if new.get("materials"):
-        root["materials"] = root.get("materials", {}) | new["materials"]
+        root["materials"] = (root.get("materials") or {}) | new["materials"]
     if new["nuisances"]:
-        root["nuisances"] = root.get("nuisances", {}) | new["nuisances"]
+        root["nuisances"] = (root.get("nuisances") or {}) | new["nuisances"]
     write_json(path, root, allow_nan=False)
+
+
+def stored_sections(path: Path) -> dict[str, Any]:
+    """Reads the file whose sections replace_sections() replaces; an empty model if it does not exist. Raises ValueError
+    with the file if it is no model, has another version or a section of a wrong type."""
+    if not path.exists():
+        return {"format": FORMAT, "version": VERSION}
+    root = read_json_object(path)
+    if root.get("format") != FORMAT:
+        raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
+    if root.get("version") != VERSION:
+        told = f"version is {root.get('version')}, sections are written into version {VERSION}"
+        raise ValueError(f"{path}: {told}: give another file to -o")
+    sections = JsonObject(path, "", root)
+    for name in ("rig", "pattern", "imager", "materials", "nuisances"):
+        sections.object(name, optional=True)
+    if sections.has("effects"):
+        sections.objects("effects")
+    return root
 
 
 def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str, Any]:

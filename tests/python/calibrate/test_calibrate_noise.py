@@ -153,12 +153,21 @@ def test_pairs_at_steps_of_light_tell_gain_and_dark_noise(words, steps, tmp_path
         ("v 3.1", "what is this", ":2: is 'what is this', expected a line"),
         ("i lit\\00\\1.png", "", ":4: has 1 of two frames"),
         ("i lit\\00\\1.png", "i none.png", "none.png"),
+        ("i lit\\00\\1.png", "i /dev/null", ":6: /dev/null lies outside of"),
+        ("i lit\\00\\1.png", "i small.png", "small.png: is 4x4 uint16, 0.png is 96x64 uint16"),
     ],
 )
 def test_bad_descriptors_are_refused_in_one_line(old, new, says, steps, tmp_path, capsys):
     path = steps / "bad.txt"
+    write_gray(steps / "small.png", np.zeros((4, 4), np.uint16))
     path.write_text((steps / "EMVA1288_Data.txt").read_text().replace(old, new, 1))
     assert says in refused(["calibrate", "noise", path, "-o", tmp_path / "model.json"], capsys)
+
+
+def test_one_step_of_light_is_refused(steps, tmp_path, capsys):
+    path = steps / "one.txt"
+    path.write_text("b 1 1\ni lit/00/0.png\ni lit/00/1.png\nd 1\ni dark/0.png\ni dark/1.png\n")
+    assert "no step of light lies below" in refused(["calibrate", "noise", path, "-o", tmp_path / "m.json"], capsys)
 
 
 @pytest.fixture
@@ -222,3 +231,10 @@ def test_bad_repeats_are_refused_in_one_line(folder, tmp_path, capsys):
     again = write_view(tmp_path / "again")
     assert "give another file to -o" in refused(["calibrate", "noise", again, "-o", out], capsys)
     assert out.read_text() == "{}"
+    out.write_text('{"format": "active-stereo-model", "version": 2, "nuisances": []}')
+    assert "nuisances: is not an object" in refused(["calibrate", "noise", tmp_path / "nothing", "-o", out], capsys)
+    out.unlink()
+    dark = tmp_path / "dark.npy"
+    for size, says in (((4, 6), "have 6x4 pixels, the lit ones 16x10"), ((0, 0), "is uint8 (12, 0, 0), expected")):
+        np.save(dark, np.zeros((12, *size), np.uint8))
+        assert says in refused(["calibrate", "noise", again, "--dark", dark, "-o", out], capsys)
