@@ -51,7 +51,7 @@ def pair_findings(
 ) -> list[Finding]:  # fmt: skip
     """Measures a pair's Findings. left, right: DN [height][width]. disparity: our matcher's, px at the left image's
     pixels, 0 = none. device_disparity: the device's at the same pixels, from its depth and nominal f x baseline, 0 =
-    none. Raises ValueError if too little of the image is matched."""
+    none. Raises ValueError if too little of the image is matched, or if too few of its pixels have the device's."""
     left, right = np.asarray(left, dtype=np.float64), np.asarray(right, dtype=np.float64)
     blocks = Blocks(left.shape)
     # 1. Saturation.
@@ -107,7 +107,11 @@ def pair_findings(
     device = np.asarray(device_disparity)
     both = (disparity > 0) & (device > 0)
     apart = disparity - device
-    both &= np.abs(apart - np.median(apart[both]) if both.any() else 0.0) < _LARGEST_MISMATCH_PX
+    if both.any():
+        both &= np.abs(apart - np.median(apart[both])) < _LARGEST_MISMATCH_PX
+    if both.sum() < _LEAST_PIXELS:
+        told = f"only {int(both.sum())} pixels have a disparity of both; {_LEAST_PIXELS} are needed"
+        raise ValueError(f"the device's depth: {told}: check its scale, K and baseline")
     n, d, r = blocks.sums(1.0, both), blocks.sums(device, both), blocks.sums(apart, both)
     dd, dr = blocks.sums(device**2, both), blocks.sums(device * apart, both)
     determinant = np.maximum(n * dd - d * d, 1e-12)
@@ -129,7 +133,9 @@ class Blocks:
         rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
         self._index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
         self._count = int(self._index.max()) + 1
-        self._weights = np.vstack([np.ones(self._count), BlockBootstrap(self._count, _SEED, _DRAWS).weights])
+        drawn = BlockBootstrap(self._count, _SEED, _DRAWS).weights
+        # A draw of few blocks may hold none of them.
+        self._weights = np.vstack([np.ones(self._count), drawn[drawn.any(axis=1)]])
 
     def sums(self, values: np.ndarray | float, mask: np.ndarray) -> np.ndarray:
         """Returns the sum of an image's values, or of a number, over a mask for each bootstrap draw, [draws + 1]."""

@@ -51,6 +51,13 @@ def test_scale_and_offset_of_disparity_are_told_apart_over_a_range(pair):
 def test_an_unmatched_pair_is_refused(pair):
     with pytest.raises(ValueError, match="0 pixels of the pair are matched"):
         pair_findings(pair[0], pair[1], np.zeros(pair[0].shape), 255)
+    with pytest.raises(ValueError, match="only 0 pixels have a disparity of both; 500 are needed"):
+        pair_findings(*pair[:3], 255, np.zeros(pair[0].shape))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_small_pair_has_findings(pair):
+    assert pair_findings(*(image[:48, :48] for image in pair[:3]), 255)
 
 
 def test_the_command_writes_its_findings(pair, tmp_path, capsys):
@@ -65,3 +72,6 @@ def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     write_gray(tmp_path / "depth.png", np.zeros((7, 11), np.uint16))
     assert main([*arguments, "--device-depth", str(tmp_path / "depth.png"), "--out", str(tmp_path / "out")]) == 2
     assert "not a whole number of times smaller" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*arguments, "--depth-scale", "0", "--out", str(tmp_path / "out")])
+    assert "a number above 0" in capsys.readouterr().err
