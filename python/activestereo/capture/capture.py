@@ -20,6 +20,8 @@ from activestereo.common import limits
 from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import is_distorting
 from activestereo.common.output_files import flat
+from activestereo.common.parameter import MATCHER
+from activestereo.common.shown import shown
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -286,10 +288,22 @@ def capture_from(root: JsonObject) -> Capture:
     names = [own.name for own in fields(Uncertainty)] if stated else []
     deviations = {name: stated.number(name, limits.UNCERTAINTY, optional=True) for name in names}
     return Capture(
-        root.path.parent, root.text("name"), root.file("scene"), rig, frames, root.free_form("depth_engine"), lights,
+        root.path.parent, root.text("name"), root.file("scene"), rig, frames, read_hints(root), lights,
         root.free_form("measured"),
         Uncertainty(**{name: value for name, value in deviations.items() if value is not None}),
     )  # fmt: skip
+
+
+def read_hints(root: JsonObject) -> dict[str, Any]:
+    """Reads depth_engine, {} if it is missing. A hint of DEPTH_ENGINE must be a number that the matcher takes; other
+    keys are free."""
+    hints = root.free_form("depth_engine")
+    for p in MATCHER:
+        value = hints.get(p.name) if p.name in DEPTH_ENGINE else None
+        is_number = isinstance(value, int if p.kind is int else (int, float)) and not isinstance(value, bool)
+        if value is not None and not (is_number and p.takes(value)):
+            root.fail(f"depth_engine.{p.name}", f"is {shown(value)}, expected {p.possible or 'a number'}")
+    return hints
 
 
 def read_camera(entry: JsonObject, side: limits.Limits = limits.SIDE, needs_lens: bool = True) -> Camera:

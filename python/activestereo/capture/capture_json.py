@@ -14,6 +14,7 @@ from activestereo.common.lens import LENGTHS
 from activestereo.common.limits import ANY, DISTORTION, LENGTH, NUMBER, PIXEL, Limits, camera_matrix_fault
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import rigid_fault
+from activestereo.common.shown import shown
 
 # Row by row; further conditions have messages of their own.
 _CAMERA_MATRIX = (PIXEL,) * 9
@@ -114,7 +115,11 @@ class JsonObject:
     def text(self, key: str) -> str:
         value = self.plain(key)
         if not isinstance(value, str):
-            self.fail(key, f"is {value!r}, expected text")
+            self.fail(key, f"is {shown(value)}, expected text")
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            self.fail(key, f"is {shown(value)}, which is no Unicode text")
         return value
 
     def number(self, key: str, limits: Limits = ANY, optional: bool = False) -> Any:

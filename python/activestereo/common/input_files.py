@@ -10,8 +10,11 @@ import os
 import re
 import stat
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any, BinaryIO
+
+from activestereo.common.shown import shown
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -74,7 +77,7 @@ def read_json(path: str | Path) -> Any:
     JSON."""
     text = read_text(path)
     try:
-        value = json.loads(text)
+        value = json.loads(text, object_pairs_hook=_once)
     except RecursionError:
         raise ValueError(f"{path}: its brackets are nested deeper than {DEEPEST_JSON}") from None
     except ValueError as error:
@@ -115,6 +118,15 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise ValueError(f"{path}: its brackets are nested too deep") from None
     except ValueError as error:
         raise ValueError(f"{path}: is no TOML file: {error}") from error
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Makes a JSON object. Raises ValueError for a repeated key, of which Python would keep the last."""
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
+        repeated = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+        raise ValueError(f"the key {shown(repeated)} is there twice: keep one of them")
+    return entries
 
 
 def _check(status: os.stat_result, path: str | Path, most_bytes: int) -> None:

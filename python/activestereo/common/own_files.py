@@ -4,6 +4,7 @@ whoever wrote a shared folder must not choose other files to read. Links count a
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -39,6 +40,6 @@ def own_file(folder: Path, name: str) -> Path:
             f"{path} lies outside of {folder}: move it into the folder, or allow it where you trust who wrote this "
             "(activestereo --allow-outside COMMAND ..., in Python activestereo.common.own_files.outside_allowed())"
         )
-    if not path.is_file():
+    if not os.path.isfile(path):  # Path's own method raises OSError for a name that is too long
         raise ValueError(f"{path} does not exist")
     return path

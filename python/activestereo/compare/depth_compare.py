@@ -49,8 +49,8 @@ class DepthModel:
     metres, 0 = no match.
 
     The capture's depth_engine hints set the engine's parameters of the same names. The other parameters keep the
-    engine's defaults, because the device's matcher is unknown. Hints that the engine refuses are ignored, with a
-    CaptureWarning.
+    engine's defaults, because the device's matcher is unknown. Hints that the engine refuses together are ignored, with
+    a CaptureWarning.
     """
 
     def __init__(self, capture: Capture) -> None:
@@ -93,14 +93,9 @@ class DepthModel:
 
 
 def _followed(hints: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns simsense's parameters: defaults, replaced by the capture's depth_engine hints that are known and
-    numbers."""
-    known = {name: hints[name] for name in DEPTH_ENGINE if isinstance(hints.get(name), int | float)}
-    parameters = {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
-    if _MAX_DISPARITY.range is not None:
-        least, most = _MAX_DISPARITY.range
-        parameters["max_disparity"] = min(max(parameters["max_disparity"], least), most)
-    return parameters
+    """Returns simsense's parameters: defaults, replaced by the capture's depth_engine hints that are known."""
+    known = {name: hints[name] for name in DEPTH_ENGINE if hints.get(name) is not None}
+    return {"max_disparity": _MAX_DISPARITY.default, "max_depth_m": _DEFAULT_MAX_DEPTH_M} | known
 
 
 # Number of frames after which a temporal filter has settled. librealsense's weighs each new frame by 0.4, so that

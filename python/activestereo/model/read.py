@@ -114,7 +114,8 @@ def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> di
 
 
 def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
-    """Reads a number or an object of value, low, high and source. Raises CaptureError for a value outside low..high."""
+    """Reads a number or an object of value, low, high and source. Raises CaptureError for a value outside low..high
+    or its own interval."""
     plain = entry.plain(key)
     if not isinstance(plain, dict):
         value, ends, source = entry.number(key), (None, None), ""
@@ -122,12 +123,11 @@ def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -
         inner = entry.object(key)
         value, ends = inner.number("value"), (inner.number("low", optional=True), inner.number("high", optional=True))
         source = _source(inner)
-        if any(
-            end is not None and end < start for start, end in zip(ends, ends[1:], strict=False) if start is not None
-        ):
-            inner.fail("high", f"is {ends[1]}, below low = {ends[0]}")
     if not low <= value <= high:
         entry.fail(key, f"is {value:g} {unit}, outside {low:g}..{high:g}")
+    rising = [number for number in (ends[0], value, ends[1]) if number is not None]
+    if rising != sorted(rising):
+        entry.fail(key, f"is {value:g} {unit}, outside of its interval, low = {ends[0]} to high = {ends[1]}")
     return Quantity(value, *ends, unit=unit, source=source)
 
 

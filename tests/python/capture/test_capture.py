@@ -189,6 +189,11 @@ def test_a_rational_lens_is_read(folder):
         (lambda c: c["frames"][0].update(temperature_c=1e9), ["temperature_c", "expected"]),
         (lambda c: c["frames"][0].update(temperature_c=-300.0), ["temperature_c", "expected"]),
         (lambda c: c["frames"][0].update(repeat_group=-(2**80)), ["repeat_group", "expected"]),
+        (lambda c: c.update(depth_engine={"max_disparity": 8}), ["depth_engine.max_disparity", "is 8", "16..1024"]),
+        (lambda c: c.update(depth_engine={"p1": "many"}), ["depth_engine.p1", "is 'many', expected a number"]),
+        (lambda c: c.update(depth_engine={"path_count": True}), ["depth_engine.path_count", "True, expected 4 or 8"]),
+        (lambda c: c.update(scene="a" * 5000), ["scene", "does not exist"]),
+        (lambda c: c.update(name="\ud800"), ["name", "is '\\ud800', which is no Unicode text"]),
     ],
 )
 def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):
@@ -199,6 +204,8 @@ def test_a_wrong_value_is_an_error_with_file_and_key(folder, change, words):
 def test_a_file_that_is_not_json_or_absent_is_an_error(folder, tmp_path):
     (folder / "capture.json").write_text("{oops")
     expect_error(folder, "not JSON")
+    (folder / "capture.json").write_text('{"rig": {"left": 1, "left": 2}}')
+    expect_error(folder, "'left' is there twice")
     (folder / "capture.json").write_text("[" * 100_000)
     expect_error(folder, "nested deeper than 100")
     expect_error(tmp_path / "nowhere", "cannot be read")

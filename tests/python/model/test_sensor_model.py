@@ -108,7 +108,7 @@ def test_surfaces_are_bound_by_name(whole):
         (lambda r: r["effects"][0].update(surfaces=["cup"]), "vignetting is not an effect of surfaces"),
         (lambda r: r["materials"]["cup"].update(shine=1.0), "materials.cup.shine: there is no such field"),
         (lambda r: r["nuisances"].update(warmth=1.0), "nuisances.warmth: there is no such field"),
-        (lambda r: r["nuisances"]["projector_scale"].update(high=1.0), "is 1.0, below low"),
+        (lambda r: r["nuisances"]["projector_scale"].update(high=1.0), "outside of its interval, low ="),
         (lambda r: r.update(colour=1), "colour: this version knows no such key"),
         (lambda r: r["rig"]["left"].update(K=[1.0] * 9), "is no camera matrix"),
         (lambda r: r["pattern"].update(file="lost.png"), "lost.png does not exist"),

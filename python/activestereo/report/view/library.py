@@ -14,7 +14,7 @@ import numpy as np
 
 from activestereo.camera.plan import ir_intrinsics
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_camera
+from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig, read_camera, read_hints
 from activestereo.capture.capture_json import JsonObject
 from activestereo.capture.images import image_size, read_gray
 from activestereo.capture.importers.realsense_folder import frame_files
@@ -117,7 +117,7 @@ def pictures_capture(folder: Path, config: StereoDepthSensorConfig) -> Capture:
         left_to_right = np.linalg.inv(right_to_rgb) @ left_to_rgb
         rig = Rig(read_camera(left), read_camera(right), left_to_right, nowhere, bits)
         title = f"{folder.name}, with the cameras of {own.name}"
-        return Capture(folder, title, _NONE, rig, frames, root.free_form("depth_engine"))
+        return Capture(folder, title, _NONE, rig, frames, read_hints(root))
     if size != config.ir_resolution:
         scaled = config.scaled(size[0] / config.ir_resolution[0])
         config = scaled if scaled.ir_resolution == size else config.resized(*size)
