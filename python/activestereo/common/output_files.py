@@ -58,7 +58,8 @@ def replace_file(path: str | Path, write: Callable[[BinaryIO], object]) -> None:
     Raises OSError with filename `path`, because the system's error for a full disk names no file."""
     path = Path(path)
     check_target(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}")  # threads may write the same file
+    # Threads may write the same file; a name of the longest allowed length has room for no more.
+    temporary = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}")
     try:
         with open(temporary, "wb") as file:
             write(file)

@@ -113,8 +113,11 @@ def motion_of_twist(twist: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[Any]:
     """Returns the 4x4 camera_to_world (camera axes) of a camera at `eye` that looks at `target`, with `up` upwards in
-    the image. The three vectors are in the world's axes."""
+    the image. The three vectors are in the world's axes. Raises ValueError if they span no plane."""
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
+    least = 1e-12 * np.linalg.norm(target - eye) * np.linalg.norm(up)
+    if not np.linalg.norm(np.cross(target - eye, up)) > least:
+        raise ValueError(f"no view from {eye} at {target} has {up} upwards: move the target, or give another up")
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)

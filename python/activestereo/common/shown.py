@@ -75,7 +75,7 @@ class PlainStream:
 def nearest(name: object, known: Iterable[str]) -> str | None:
     """Returns the known name that is most similar, whatever its case, or None if none is similar."""
     by_folded = {other.casefold(): other for other in known}
-    close = get_close_matches(str(name).casefold(), by_folded, 1)
+    close = get_close_matches(str(name)[:_MOST_LETTERS].casefold(), by_folded, 1)
     return by_folded[close[0]] if close else None
 
 
@@ -88,4 +88,4 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 def unknown(what: str, name: object, known: Iterable[str]) -> str:
     """Returns an error message: no `what` has this name. It lists the known names and suggests the most similar one."""
     names = list(known)
-    return f"unknown {what} '{name}' (known: {', '.join(names)}){did_you_mean(name, names)}"
+    return f"unknown {what} '{str(name)[:_MOST_LETTERS]}' (known: {', '.join(names)}){did_you_mean(name, names)}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
-from activestereo.common.output_files import write_json, write_text
+from activestereo.common.output_files import write_json, write_text, written_together
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.model_file import library
 from activestereo.compare.model_file import write_model as write_effects
@@ -59,8 +59,9 @@ def write_report(
             if isinstance(stored, dict) and stored.get("capture", comparison.capture.name) == comparison.capture.name:
                 diagnosis = stored
     html_text = report_page(comparison, diagnosis, effects, progress, steps=steps)
-    write_json(folder / "compare.json", comparison.scores, allow_nan=False)
-    write_text(folder / "report.html", html_text)
+    with written_together(folder) as aside:
+        write_json(aside / "compare.json", comparison.scores, allow_nan=False)
+        write_text(aside / "report.html", html_text)
     return folder / "compare.json", folder / "report.html"
 
 
@@ -129,13 +130,13 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:
     """Writes diagnose.json, model.json and, for an unknown effect, effect_stub.py into the folder, made if absent.
     Returns their paths."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    paths, model = [folder / "diagnose.json"], folder / "model.json"
-    write_json(paths[0], diagnosis.result)
-    if diagnosis.stub:
-        paths.append(folder / "effect_stub.py")
-        write_text(paths[-1], diagnosis.stub)
-    if diagnosis.sensor_model is not None:
-        return paths + write_model(model, diagnosis.sensor_model)
-    write_effects(model, diagnosis.model)
-    return [*paths, model]
+    with written_together(folder) as aside:
+        write_json(aside / "diagnose.json", diagnosis.result)
+        if diagnosis.stub:
+            write_text(aside / "effect_stub.py", diagnosis.stub)
+        if diagnosis.sensor_model is not None:
+            write_model(aside / "model.json", diagnosis.sensor_model)
+        else:
+            write_effects(aside / "model.json", diagnosis.model)
+        names = sorted(path.name for path in aside.iterdir())
+    return [folder / name for name in names]

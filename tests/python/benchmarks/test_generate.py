@@ -272,6 +272,10 @@ def test_what_is_wrong_is_said(things: tuple[Path, ...], tmp_path: Path, capsys:
     (tmp_path / "out").mkdir(exist_ok=True)
     (tmp_path / "out/dataset.json").write_text(json.dumps({"seed": 4}))
     assert "other settings" in fails(ball)
+    (tmp_path / "out/dataset.json").write_text("[]")
+    assert "dataset.json: is not a JSON object" in fails(ball)
+    with pytest.raises(ValueError, match="spread_m must lie within 0 to 100"):
+        Ranges(spread_m=(1e300, 1e308))
     with pytest.raises(ValueError, match="two finite numbers"):
         Ranges(spread_m=(0.1, float("nan")))
     assert Ranges.read(None) == Ranges()

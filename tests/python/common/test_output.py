@@ -15,7 +15,7 @@ from activestereo.common.accuracy import accuracy_by_material, accuracy_table
 from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, write_text
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar, duration
-from activestereo.common.shown import PlainStream, printable
+from activestereo.common.shown import PlainStream, printable, unknown
 from activestereo.report.pictures import simulation_figure
 from PIL import Image
 
@@ -38,6 +38,13 @@ def test_a_failed_write_leaves_the_old_file_and_threads_that_write_one_do_not_me
 
     replace_file(path, write_again)  # as a second thread would, in the middle of the first
     assert path.read_bytes() == b"outer" and list(tmp_path.iterdir()) == [path]
+
+
+def test_long_names_are_written_and_cut_in_messages(tmp_path: Path) -> None:
+    path = tmp_path / (240 * "a")
+    write_text(path, "x")
+    assert list(tmp_path.iterdir()) == [path]
+    assert len(unknown("effect", 100_000 * "x", 10 * ["xylophone"])) < 250
 
 
 def test_a_full_disk_is_named(tmp_path: Path) -> None:

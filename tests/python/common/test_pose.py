@@ -59,6 +59,12 @@ def test_look_at_puts_the_target_on_the_axis_and_up_upwards():
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("target", [(0, 0, 0), (0, 2, 0), (0, float("nan"), 1)])
+def test_a_view_without_a_plane_is_refused(target):
+    with pytest.raises(ValueError, match=r"no view from \[0. 0. 0.\] at .* has \[0. 1. 0.\] upwards"):
+        look_at((0, 0, 0), target, (0, 1, 0))
+
+
 @pytest.mark.parametrize(
     "bad", [(np.diag([2.0, 1, 1, 1]),), (np.diag([-1.0, 1, 1, 1]),), ([0, 0, float("nan")],), ([0, 0, 0], [0, 0, 0, 0])]
 )

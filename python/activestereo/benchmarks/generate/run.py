@@ -23,7 +23,7 @@ from typing import Any
 import kuafu
 from activestereo.benchmarks.generate import bop
 from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, physics, sensor_config, things_of
-from activestereo.common.input_files import read_bytes, read_json
+from activestereo.common.input_files import read_bytes, read_json_object
 from activestereo.common.optional import imported
 from activestereo.common.processes import MOST_LOSSES, done_in_pools, process_pool
 from activestereo.scene_io import usd
@@ -135,7 +135,7 @@ def generate(
     things = things_of(settings, kuafu.Scene(kuafu.Device(settings.device))).things  # its checks come first
     about = description(settings)
     if (out / "dataset.json").exists():
-        before = read_json(out / "dataset.json")
+        before = read_json_object(out / "dataset.json")
         for key in about:
             if before.get(key) != json.loads(json.dumps(about[key])):
                 text = f"{out} has frames of other settings: {key} was {before.get(key)} and is {about[key]}"

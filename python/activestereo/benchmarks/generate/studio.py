@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from math import inf
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -29,7 +28,7 @@ from activestereo.sensor.pictures import PictureMemory
 @dataclass(frozen=True)
 class Ranges:
     """Ranges (low, high), from which each frame's values are drawn uniformly. LIMITS: {field: lowest and highest
-    allowed ends}, by default 0 and infinity. Raises ValueError with the range and its fault."""
+    allowed ends}, by default 0 and 1e6. Raises ValueError with the range and its fault."""
 
     things: tuple[float, float] = (3, 6)  # count, at most the number of files
     spread_m: tuple[float, float] = (0.15, 0.25)  # radius of the area of things
@@ -44,6 +43,7 @@ class Ranges:
 
     LIMITS: ClassVar[dict[str, tuple[float, float]]] = {
         "roll_deg": (-360.0, 360.0),
+        "spread_m": (0.0, 100.0),
         "distance_m": (0.05, 100.0),
         "elevation_deg": (1.0, 89.9),
         "table_albedo": (0.0, 1.0),
@@ -56,7 +56,7 @@ class Ranges:
             if not is_pair or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
                 raise ValueError(f"the range {name} is two finite numbers, low and high, not {value}")
             low, high = value
-            least, most = self.LIMITS.get(name, (0.0, inf))
+            least, most = self.LIMITS.get(name, (0.0, 1e6))
             if low > high:
                 raise ValueError(f"the range {name} goes from {low} to {high}; it must rise from at least {least:g}")
             if not least <= low <= high <= most:

@@ -102,7 +102,7 @@ def parse_settings(content: Mapping[str, Any], source: str) -> AdvancedSettings:
         if name in _IGNORED:
             continue
         if name not in names:
-            faults.append(f"{name} is unknown{did_you_mean(name, names)}")
+            faults.append(f"{name[:60]} is unknown{did_you_mean(name, names)}")
             continue
         key = names[name]
         if key.words is not None:
