@@ -295,13 +295,13 @@ def capture_from(root: JsonObject) -> Capture:
 
 
 def read_hints(root: JsonObject) -> dict[str, Any]:
-    """Reads depth_engine, {} if it is missing. A hint of DEPTH_ENGINE must be a number that the matcher takes; other
-    keys are free."""
+    """Reads depth_engine, {} if it is missing. A hint of DEPTH_ENGINE must be a number as the matcher takes; other
+    keys are free. Numbers that it refuses are ignored later, with a warning."""
     hints = root.free_form("depth_engine")
     for p in MATCHER:
         value = hints.get(p.name) if p.name in DEPTH_ENGINE else None
         is_number = isinstance(value, int if p.kind is int else (int, float)) and not isinstance(value, bool)
-        if value is not None and not (is_number and p.takes(value)):
+        if value is not None and not is_number:
             root.fail(f"depth_engine.{p.name}", f"is {shown(value)}, expected {p.possible or 'a number'}")
     return hints
 

@@ -49,8 +49,8 @@ class DepthModel:
     metres, 0 = no match.
 
     The capture's depth_engine hints set the engine's parameters of the same names. The other parameters keep the
-    engine's defaults, because the device's matcher is unknown. Hints that the engine refuses together are ignored, with
-    a CaptureWarning.
+    engine's defaults, because the device's matcher is unknown. Hints that the engine refuses are ignored, with a
+    CaptureWarning.
     """
 
     def __init__(self, capture: Capture) -> None:

@@ -189,7 +189,7 @@ def test_a_rational_lens_is_read(folder):
         (lambda c: c["frames"][0].update(temperature_c=1e9), ["temperature_c", "expected"]),
         (lambda c: c["frames"][0].update(temperature_c=-300.0), ["temperature_c", "expected"]),
         (lambda c: c["frames"][0].update(repeat_group=-(2**80)), ["repeat_group", "expected"]),
-        (lambda c: c.update(depth_engine={"max_disparity": 8}), ["depth_engine.max_disparity", "is 8", "16..1024"]),
+        (lambda c: c.update(depth_engine={"max_disparity": 40.5}), ["depth_engine.max_disparity", "40.5", "16..1024"]),
         (lambda c: c.update(depth_engine={"p1": "many"}), ["depth_engine.p1", "is 'many', expected a number"]),
         (lambda c: c.update(depth_engine={"path_count": True}), ["depth_engine.path_count", "True, expected 4 or 8"]),
         (lambda c: c.update(scene="a" * 5000), ["scene", "does not exist"]),
