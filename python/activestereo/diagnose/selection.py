@@ -29,7 +29,7 @@ _LEAST = 1e-3
 _SHOWS = 0.05
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
 # best gain. Where a coefficient leads a narrow peak farther than this factor, the peak itself is a start, too.
-_LINES, _POINTS, _NEAR, _FAR = 2, 2, 0.3, 2.0
+_LINES, _POINTS, _NEAR, _FAR = 2, 2, 0.3, 1.1
 
 
 @dataclass(frozen=True)

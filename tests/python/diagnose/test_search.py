@@ -294,12 +294,15 @@ def test_each_start_of_a_fit_comes_with_its_atom(name):
     assert starts and all(own is atom and values[lead.name] == lead.neutral + 0.1 for own, values in starts)
 
 
-def test_a_narrow_peak_is_a_start_itself_where_its_line_leads_far_away():
-    """A well that is full a little below its place cuts off five times as much: the line ends where it cuts nothing."""
+@pytest.mark.parametrize(
+    ("peak", "coefficient", "starts"), [(0.7, 0.2, [0.14, 0.7]), (0.8, 1.15, [0.92, 0.8]), (0.8, 1.05, [0.84])]
+)
+def test_a_narrow_peak_is_a_start_itself_where_its_line_leads_away(peak, coefficient, starts):
+    """A well that is full a little below its place cuts off far more: the line ends where it cuts nothing, or most."""
     effect = EFFECTS["saturation_blooming"]
-    atom = Atom(effect, effect.neutral_values, (("lost_range", 0.7),), (False,), (1.0,), 0)
-    found = _candidate([Hit(atom, None, np.full(1, 0.2), 1.0, 1.0, -2.0)])
-    assert [values["lost_range"] for _, values in found.starts] == [pytest.approx(0.14), 0.7]
+    atom = Atom(effect, effect.neutral_values, (("lost_range", peak),), (False,), (1.0,), 0)
+    found = _candidate([Hit(atom, None, np.full(1, coefficient), 1.0, 1.0, -2.0)])
+    assert [values["lost_range"] for _, values in found.starts] == [pytest.approx(start) for start in starts]
 
 
 @pytest.mark.parametrize(("fraction", "u", "v"), [(0.2, 5.0, -2.0), (0.4, -3.0, 0.0)])
