@@ -22,8 +22,8 @@ class Lab:
     """Holds a capture folder and the sensor model under test: a Model, the path of a model.json, or None for no
     effects.
 
-    effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(), of _SETTINGS.
-    Raises TypeError for others.
+    effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(): renderer,
+    samples_per_pixel, max_bounces, seed, cache, progress. Raises TypeError for others.
     """
 
     def __init__(

@@ -34,18 +34,15 @@ def members_of(
     its fit}. fits: the fits; random fields have none. without: the fit without these effects. The measured error of a
     formula and the usual error have equal weight."""
     best, pixels = min(left, key=lambda name: left[name]), fitter.pixels_used()
-
-    def design(fit: Solution) -> float:
-        return design_effect(fit.sums.tile_chi2, fitter.tile_pixels())
-
-    own = design(fits[best].solution if best in fits else without)
-    nats = {name: 0.5 * pixels / own * np.log(without.sums.total / chi2) for name, chi2 in left.items()}
+    likeliest = fits[best].solution if best in fits else without
+    design = design_effect(likeliest.sums.tile_chi2, fitter.tile_pixels())
+    nats = {name: 0.5 * pixels / design * np.log(without.sums.total / chi2) for name, chi2 in left.items()}
 
     def logs(names: Iterable[str], missed: float) -> dict[str, float]:
         unit, out = max(1.0, missed * nats[best]), {}
         for name in names:
             fit = fits[name].solution if name in fits else None
-            occam = _OF_A_FIELD if fit is None else occam_nats(fitter, fit, fit.effects[-1], own * unit)
+            occam = _OF_A_FIELD if fit is None else occam_nats(fitter, fit, fit.effects[-1], design * unit)
             out[name] = nats[name] / unit + occam
         return out
 

@@ -409,12 +409,12 @@ class Search:
         correction and leave no more error: a search of the geometry takes a smaller pattern, for example, for other
         focal lengths. Beside a wrong effect the images show a rig that was measured wrong again. Returns whether it
         named one."""
-        prior, before = self._fitter.rig_penalty(self._solution), dict(vars(self))
-        weights = [o.weight for o in self._evidence.train]
+        prior = self._fitter.rig_penalty(self._solution)
         by_chance = 2.0 * np.log(len(self._effects) / self._numbers.alpha)
         open_atoms = [atom for atom in dictionary.atoms if self._is_open(atom.effect)]
         if prior < by_chance or self._evidence.geometry.is_as_stated() or self._is_full() or not open_atoms:
             return False
+        before, weights = dict(vars(self)), [o.weight for o in self._evidence.train]
         left = mean_square(self._rows, weights)
         effect, values = most_like_rig(dictionary.linear, open_atoms, dictionary.columns)
         space = ParameterSpace.of(self._solution.model.with_effect(effect, **values))

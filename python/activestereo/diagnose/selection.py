@@ -3,9 +3,8 @@
 effect. Errors of formulas are allowed for: what a named effect's formula misses is not another effect.
 
 A coefficient has a normal prior. The likelihood is tempered, because a residual that no effect explains counts as
-noise. Sets that hold the truth with a stated probability follow SuSiE (Wang et al. 2020, JRSS B 82). The residual of a
-formula looks like the effect itself, weighted by image position or by brightness, or like its smooth part (such as
-glare that fades with distance).
+noise. The residual of a formula looks like the effect itself, weighted by image position or by brightness, or like its
+smooth part (such as glare that fades with distance).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
