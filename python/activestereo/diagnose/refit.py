@@ -43,7 +43,7 @@ _NODES, _CURVE_STEPS = 10, 4
 # Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
 # hardly falls; the others are only measured there.
-_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.75, 1e-3
+_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.5, 1e-3
 # Steps of a fit with a newly named effect, and the share of chi2 by whose fall it stops; steps from each narrow peak.
 SETTLING, _PEAK = (8, 1e-4), 3
 # An effect whose formula was never measured may miss this share of its squared signature.

@@ -169,13 +169,8 @@ class Search:
         linear = freed(dictionary.linear, formulas, numbers.formula_error)
         tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
         floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
-        # Scores are linear: two that move the same frames far, such as shutters, score little beside each other. So
-        # those that lost to a name of their family are fitted beside it; where structure is left, the unfitted, too.
-        kin, is_rough = {e.family for e in formulas}, self._structure > numbers.structure_kept
-        lost: dict[str, Candidate] = {}
-        for r in self._rounds[-1:]:
-            kin_then = (c for n, c in r.candidates.items() if (e := self._effect(n)).family in kin and self._is_open(e))
-            lost = {c.id: c for c in kin_then if c.id in r.fits or (is_rough and c.gain > r.floor * r.chi2)}
+        is_rough = self._structure > numbers.structure_kept
+        lost = self._lost({e.family for e in formulas}, is_rough)
         if self._names:
             again = [c.id for c in found.values() if _LINE_SHORT * c.gain > floor]
             found = self._found_again(linear, [*tried, *others], [*again, *lost])
@@ -244,6 +239,20 @@ class Search:
         self._accept_last(fits)
         self._draw_again()
         return True
+
+    def _lost(self, families: set[str], is_rough: bool) -> dict[str, Candidate]:
+        """Returns the candidates to fit beside the last name, {effect: Candidate}: those of its family that were fitted
+        with it, or that is_rough asks for, and all that fitted nearly as well. Scores are linear: two that move the
+        same frames far, such as shutters, score little beside each other. is_rough: whether structure is left."""
+        found: dict[str, Candidate] = {}
+        for r in self._rounds[-1:]:
+            close = {name for name, fit in r.fits.items() if 1.0 - fit.chi2 / r.chi2 > _NEAR_SWAP * r.gain > 0.0}
+            for name, c in r.candidates.items():
+                is_kin = self._effect(name).family in families
+                may_be = name in r.fits or (is_rough and c.gain > r.floor * r.chi2)
+                if self._is_open(self._effect(name)) and (name in close or (is_kin and may_be)):
+                    found[name] = c
+        return found
 
     def _found_again(self, linear: Linear, atoms: Sequence[Atom], likely: Sequence[str]) -> dict[str, Candidate]:
         """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light."""
@@ -405,23 +414,21 @@ class Search:
                 self._widen_set(name, [other])
 
     def _name_in_place_of_rig(self, dictionary: Dictionary) -> bool:
-        """Names the effect that is most like the rig's correction, if beside it the images need far less of a
-        correction and leave no more error: a search of the geometry takes a smaller pattern, for example, for other
-        focal lengths. Beside a wrong effect the images show a rig that was measured wrong again. Returns whether it
-        named one."""
+        """Names the effect that is most like the rig's correction, and returns whether it did. It is named if the
+        images then need a far smaller correction and leave no more structure. A search of the geometry takes a smaller
+        pattern, for example, for other focal lengths; beside a wrong effect it finds a wrongly measured rig again."""
         prior = self._fitter.rig_penalty(self._solution)
-        by_chance = 2.0 * np.log(len(self._effects) / self._numbers.alpha)
+        by_chance = float(chdtri(1, self._numbers.alpha / len(self._effects)))
         open_atoms = [atom for atom in dictionary.atoms if self._is_open(atom.effect)]
         if prior < by_chance or self._evidence.geometry.is_as_stated() or self._is_full() or not open_atoms:
             return False
-        before, weights = dict(vars(self)), [o.weight for o in self._evidence.train]
-        left = mean_square(self._rows, weights)
+        before = dict(vars(self))
         effect, values = most_like_rig(dictionary.linear, open_atoms, dictionary.columns)
         space = ParameterSpace.of(self._solution.model.with_effect(effect, **values))
         self._accept(self._fitter.refine(space, space.start, self._solution.phi, 0))
         gain = self._without(effect.id).sums.total - self._chi2
         spared = prior - self._fitter.rig_penalty(self._solution)
-        if spared < by_chance or mean_square(self._rows, weights) > left or gain < self._floor(has_share=False):
+        if spared < by_chance or local_structure(self._rows) > self._structure or gain < self._floor(has_share=False):
             vars(self).update(before)
             return False
         missed = missed_share(effect, False, self._numbers.formula_error)

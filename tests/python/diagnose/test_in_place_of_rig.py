@@ -25,24 +25,21 @@ EFFECTS = builtin()
 def test_an_effect_takes_the_place_of_a_rigs_correction_only_where_the_images_need_none_beside_it(
     monkeypatch, spared, left, gain, named
 ):
-    """A rig that was measured wrong shows again beside the effect, or the effect leaves more error."""
-    effect, seen = EFFECTS["pattern_scale_drift"], SimpleNamespace(weight=np.ones((2, 2)), picked=lambda: slice(None))
+    """A rig that was measured wrong shows again beside the effect, or the effect leaves more structure."""
+    effect = EFFECTS["pattern_scale_drift"]
     monkeypatch.setattr("activestereo.diagnose.search.most_like_rig", lambda *_: (effect, effect.typical_values))
-
-    def rows(square):
-        return [SimpleNamespace(observation=seen, residual=np.full((2, 2), np.sqrt(square)))]
-
+    monkeypatch.setattr("activestereo.diagnose.search.local_structure", lambda rows: rows)
     search = SimpleNamespace(
         _names=[], _pixels=1000, _numbers=NUMBERS, _floor=lambda has_share: 7.0, _effects=[*EFFECTS.values()],
-        _evidence=SimpleNamespace(train=[seen], geometry=SimpleNamespace(is_as_stated=lambda: False)),
-        _fitter=SimpleNamespace(rig_penalty=lambda penalty: penalty, refine=lambda *_: None), _rows=rows(1.0),
+        _evidence=SimpleNamespace(geometry=SimpleNamespace(is_as_stated=lambda: False)),
+        _fitter=SimpleNamespace(rig_penalty=lambda penalty: penalty, refine=lambda *_: None), _structure=1.0,
         _solution=SimpleNamespace(model=Model(), phi=None), _rounds=[None], _chi2=1000.0,
         _is_full=lambda: False, _is_open=lambda effect: True, _draw_again=lambda: None,
         _without=lambda name: SimpleNamespace(sums=SimpleNamespace(total=1000.0 + gain)),
     )  # fmt: skip
     search._fitter.rig_penalty = lambda solution: 31.0 if solution is before else 31.0 - spared
     before = search._solution
-    search._accept = lambda fit: vars(search).update(_solution=SimpleNamespace(), _rows=rows(left))
+    search._accept = lambda fit: vars(search).update(_solution=SimpleNamespace(), _rows=left)
     dictionary = SimpleNamespace(atoms=[SimpleNamespace(effect=effect)], linear=None, columns=None)
     assert Search._name_in_place_of_rig(search, dictionary) == named
     assert [n.id for n in search._names] == [effect.id] * named
