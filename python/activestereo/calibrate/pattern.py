@@ -148,9 +148,11 @@ def calibrate_pattern(
 def _check_rig(rig: CaptureRig, source: str) -> None:
     """Raises ValueError unless the rig has no distortion and parallel cameras. source: the rig's file, for the
     message."""
-    if not (rig.left.is_pinhole and rig.right.is_pinhole):
-        remedy = "rectify the images; their capture has zeros then, and calibrate rig takes --rectified"
-        raise ValueError(f"{source}: rig.left.distortion: dots are matched along rows: {remedy}")
+    for side, camera in (("left", rig.left), ("right", rig.right)):
+        if not camera.is_pinhole:
+            told = f"has values other than 0, largest {np.abs(camera.distortion).max():g}; dots are matched along rows"
+            remedy = "rectify the images, then set it to zeros, or calibrate the rig with --rectified"
+            raise ValueError(f"{source}: rig.{side}.distortion: {told}: {remedy}")
     turned = difference(np.eye(4), rig.left_to_right)[1]
     if turned > _MOST_TURNED_DEG:
         told = f"turns the right camera by {turned:.2f} degrees, at most {_MOST_TURNED_DEG:g} are taken"
@@ -304,8 +306,8 @@ def _meeting_point(near: Wall, far: Wall, projector: ProjectorView) -> tuple[Pro
         chosen = np.flatnonzero((distance < reach) & (back[other] == np.arange(len(first))))
         pairs = np.column_stack([chosen, other[chosen]])
         if len(pairs) < _LEAST_LINES:
-            told = f"only {len(pairs)} dots are the same on the walls at {near.distance_m:.2f} and {far.distance_m:.2f}"
-            raise ValueError(f"{told} m: check the projector's nominal place and K")
+            told = f"walls at {near.distance_m:.2f} and {far.distance_m:.2f} m share only {len(pairs)} dots"
+            raise ValueError(f"{told}, at least {_LEAST_LINES} are needed: check the projector's nominal place and K")
         a, b = near.points[pairs[:, 0]], far.points[pairs[:, 1]]
         place, error = _nearest_to_lines(a, b)
         projector = replace(projector, position_m=place)

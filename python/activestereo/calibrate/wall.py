@@ -104,7 +104,8 @@ def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[floa
     strong = gaussian_filter(np.kron(tiles, np.ones((_TILE_PX, _TILE_PX)))[:height, :width], 0.5 * _TILE_PX)
     v, u = _peaks(response, np.maximum(_LEAST_RESPONSE * strong, _SIGNIFICANT * noise))
     if len(u) < _LEAST_SPOTS:
-        raise ValueError(f"only {len(u)} dots are seen: is the projector on, and the wall in focus?")
+        told = f"only {len(u)} dots are seen, at least {_LEAST_SPOTS} are needed"
+        raise ValueError(f"{told}: is the projector on, and the wall in focus?")
     wide = np.pad(response, 1, mode="edge")  # the border's last pixel is repeated
     here = wide[v + 1, u + 1]
     across, down = vertex(wide[v + 1, u], here, wide[v + 1, u + 2]), vertex(wide[v, u + 1], here, wide[v + 2, u + 1])
@@ -260,7 +261,7 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     pairs = np.array([(i, j) for i, near in enumerate(near_rows) for j in near]).reshape(-1, 2)
     pairs = pairs[left.u[pairs[:, 0]] > right.u[pairs[:, 1]] - 1.0]
     if len(pairs) < _LEAST_MATCHED:
-        told = f"only {len(pairs)} dots have a row in common"
+        told = f"only {len(pairs)} pairs of dots lie in one row, at least {_LEAST_MATCHED} are needed"
         raise ValueError(f"{name}: {told}: are the images rectified, and left and right not swapped?")
     i, j = pairs.T
     disparity = left.u[i] - right.u[j]
@@ -287,8 +288,9 @@ def find_wall(left: Spots, right: Spots, K: np.ndarray, right_K: np.ndarray, bas
     match = np.full(len(left.u), -1)
     for place in near[::-1]:  # the nearest to the plane is written last
         both[i[place]], match[i[place]] = True, j[place]
-    if both.sum() < max(_LEAST_MATCHED, 0.3 * len(left.u)):
-        told = f"only {both.sum()} of {len(left.u)} dots lie on one plane seen by both cameras"
+    least = np.ceil(max(_LEAST_MATCHED, 0.3 * len(left.u)))
+    if both.sum() < least:
+        told = f"only {both.sum()} of {len(left.u)} dots lie on one plane seen by both cameras, {least:.0f} are needed"
         remedy = "use a flat wall without objects, check K and the baseline, and that left and right are not swapped"
         raise ValueError(f"{name}: {told}: {remedy}")
     flatness = float(np.sqrt(np.mean((left.u[both] - right.u[match[both]] - column[both] @ coefficients) ** 2)))

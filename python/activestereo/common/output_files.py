@@ -87,7 +87,7 @@ def check_target(path: Path) -> None:
     except FileNotFoundError:
         return
     if not is_file:
-        raise OSError(errno.EINVAL, "is there and no regular file: give another name", str(path))
+        raise OSError(errno.EINVAL, "exists and is no regular file: give another name", str(path))
 
 
 @contextmanager

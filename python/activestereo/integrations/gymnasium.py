@@ -99,7 +99,8 @@ def _entry(values: Any, keys: Sequence[str]) -> Any:
         try:
             values = values[key]
         except (KeyError, TypeError) as error:
-            raise ValueError(f"the observation has no {'/'.join(keys)}") from error
+            had = ", ".join(map(str, values)) if isinstance(values, Mapping) else f"a {type(values).__name__}"
+            raise ValueError(f"the observation has no {'/'.join(keys)}: in place of '{key}' it has {had}") from error
     return values
 
 

@@ -142,7 +142,7 @@ def isaac(
     is_kept = (depth >= settings.min_distance_m) & (x >= 0.0) & (nearer_px < 1.0)
     if settings.needs_texture:
         if gray is None:
-            raise ValueError("IsaacSettings.needs_texture: the picture is missing")
+            raise ValueError("IsaacSettings.needs_texture: the picture is missing: give `gray`, or set it to False")
         _, contrast = mean_and_deviation(gray, (1, _TEXTURE_WINDOW, _TEXTURE_WINDOW))
         is_kept &= contrast * 255.0 > _TEXTURE_LEVELS
     jitter = settings.sigma_px * random.standard_normal(depth.shape)

@@ -166,9 +166,10 @@ def test_the_models_rig_is_believed(capture_path, pattern, tmp_path, monkeypatch
     with pytest.raises(ValueError, match=f"f 1.0100 {1.01 * own.right.K[0, 0]:.4f}"):
         calibrate_pattern(capture_path, model=read_model(out))
     # What is wrong with the model's rig is not said of the capture.
-    bent = SensorModel(rig=replace(own, left=replace(own.left, distortion=(0.01, 0.0, 0.0, 0.0, 0.0))))
-    with pytest.raises(ValueError, match="^the model: rig.left.distortion: .* --rectified"):
-        calibrate_pattern(capture_path, model=bent)
+    for side in ("left", "right"):
+        bent = replace(getattr(own, side), distortion=(0.01, 0.0, 0.0, 0.0, 0.0))
+        with pytest.raises(ValueError, match=f"^the model: rig.{side}.distortion: .* largest 0.01; .* --rectified"):
+            calibrate_pattern(capture_path, model=SensorModel(rig=replace(own, **{side: bent})))
     for turn, told in ((0.01, "turns the right camera by 0.57 degrees"), (0.0, "0.50 mm beside")):
         place = own.left_to_right.copy()
         place[:3, :3] = Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix()

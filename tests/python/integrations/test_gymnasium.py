@@ -131,7 +131,7 @@ def test_finer_images_are_measured_by_a_coarser_sensor():
 
 
 def test_a_missing_key_is_named():
-    with pytest.raises(ValueError, match="has no pixels/deep"):
+    with pytest.raises(ValueError, match="has no pixels/deep: in place of 'deep' it has .*depth"):
         StereoDepth(Wall(), ("pixels", "deep"))
 
 

@@ -71,7 +71,7 @@ def read_views(
         )
     if len(views) < 2:
         raise ValueError(
-            f"{where}: one view with depth: record two or more that overlap, from places the camera turned to"
+            f"{where}: one view with depth: record two or more that overlap, and turn the camera between them"
         )
     bright_lines = [
         f"{100 * view.clipped:.0f} % of frame {view.frame.id}'s left image is saturated ({capture.rig.max_dn} DN) and "

@@ -430,5 +430,6 @@ def recorded_pairs(path: Path, is_wanted: Callable[[str], bool] = lambda name: T
             is_byte = max(int(left.max()), int(right.max())) <= _MOST_OF_8_BITS
             first = left.astype(np.uint8 if is_byte else np.uint16)
         elif first.dtype == np.uint8 and max(int(left.max()), int(right.max())) > _MOST_OF_8_BITS:
-            raise ValueError(f"{path}: {name}: has counts above 255, where the pairs before have 8 bits")
+            told = "has counts above 255, where the pairs before have 8 bits"
+            raise ValueError(f"{path}: {name}: {told}: give pairs of one bit depth")
         yield Pair(name, left.astype(first.dtype), right.astype(first.dtype))

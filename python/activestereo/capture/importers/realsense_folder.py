@@ -49,7 +49,8 @@ class RobotPoses:
         """Returns (a frame's gripper_to_base, 4x4; the pose's index among the robot's different poses). left: the
         frame's left image. Raises ValueError if the frame is not listed."""
         if left.stem not in self.gripper_to_base:
-            raise ValueError(f"{left}: the robot's poses do not name it ({len(self.gripper_to_base)} are there)")
+            told = f"is missing in the robot's {len(self.gripper_to_base)} poses"
+            raise ValueError(f"{left}: {told}: add one named {left.stem}")
         pose = self.gripper_to_base[left.stem]
         groups = list(dict.fromkeys(p.tobytes() for p in self.gripper_to_base.values()))
         return pose, groups.index(pose.tobytes())
@@ -79,10 +80,9 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
         out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view, streams)]
     if depth_word is not None and not any("depth" in entry.files for entry in out):
         named = sum(bool(streams["depth"].search(file.name)) for file in folder.rglob("*.png"))
-        raise ValueError(
-            f"{folder}: {named} PNG files have '{depth_word}' in their names, and none of them the number or the name "
-            f"of one of the {len(out)} left images: name depth as the left image but for that word"
-        )
+        told = f"{named} PNG files have '{depth_word}' in their names, but none belongs to one of the {len(out)}"
+        remedy = f"give depth the number of its left image, or the same name but for '{depth_word}'"
+        raise ValueError(f"{folder}: {told} left images: {remedy}")
     return out
 
 

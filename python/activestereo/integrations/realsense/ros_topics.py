@@ -60,7 +60,9 @@ def _published(frames: composite_frame, is_first: bool, make: Callable[..., Any]
         header = header_message(make, time_ns, _axes(name))
         # 1. The image.
         if profile.format() not in _ENCODINGS:
-            raise ValueError(f"{profile.stream_name()} is {profile.format().name}, which has no ROS encoding")
+            known = " or ".join(one.name for one in _ENCODINGS)
+            told = f"{profile.stream_name()} is {profile.format().name}, which has no ROS encoding"
+            raise ValueError(f"{told}: use {known}")
         pixels = one.get_data()
         if profile.stream_type() == stream.depth and one.unit_m != _DEPTH_UNIT_M:
             pixels = np.clip(np.rint(pixels * (one.unit_m / _DEPTH_UNIT_M)), 0, 65535).astype(np.uint16)

@@ -92,10 +92,10 @@ class Routes:
         return packed({"path": str(path), "remark": remark})
 
     def simulate(self, given: dict[str, Any]) -> bytes:
-        """Answers with one frame simulated under the settings, as a draft or refined.
+        """Answers with one frame simulated under the settings, as a draft or refined. If the page has asked for a newer
+        frame, the answer is {"superseded": true} without images.
 
-        page: a random number that identifies the page; serial: counts its requests. An answer with "superseded" has no
-        images, because the page has asked for a newer frame.
+        In `given`, "page" is a random number that identifies the page, and "serial" counts the page's requests.
         """
         page, serial = (_whole(given, name) for name in ("page", "serial"))
         self._newest[page] = max(serial, self._newest.pop(page, serial))
@@ -187,4 +187,4 @@ def free_name(path: Path) -> Iterator[Path]:
             name.unlink()
             raise
         return
-    raise ValueError(f"{path}: there are {_MOST_NUMBERS} files of this name: give another one with --out")
+    raise ValueError(f"{path}: its {_MOST_NUMBERS - 1} numbered names are taken: give another name with --out")
