@@ -154,7 +154,7 @@ def _picture(
     surfaces: Sequence[int], highest: float,
 ) -> list[Picture]:  # fmt: skip
     """Returns [the Picture of the object, cut out of an image and scaled down], or [] if the object is out of view.
-    lit: None for a colour image. highest: the saturated value."""
+    seen: the image. lit: whether the projector was on; None for a colour image. highest: saturated value of `seen`."""
     box = _box(scene, camera, pose, surfaces)
     if box is None:
         return []

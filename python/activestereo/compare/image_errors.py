@@ -164,14 +164,14 @@ class ImageErrors:
 @dataclass(frozen=True)
 class Judged:
     """A model whose images are computed. engines: makes a CaptureRenderer, which renders the model's effects; None:
-    effects change images by formulas. known: measured focal lengths and albedos, which count with engines alone."""
+    effects change images by formulas. known: measured focal lengths and albedos, which only engines use."""
 
     model: Model
     engines: Callable[[Capture], CaptureRenderer] | None = None
     known: SceneMeasurement | None = None
 
     def measured(self) -> SceneMeasurement:
-        """Returns the focal lengths and albedos that count."""
+        """Returns `known`, or an empty SceneMeasurement without it or without engines."""
         return SceneMeasurement() if self.engines is None or self.known is None else self.known
 
     def is_traced(self) -> bool:

@@ -32,7 +32,7 @@ _DRAFTED = 4
 
 
 class Renderer(Protocol):
-    """A renderer of rig poses, as the head of this file describes."""
+    """Renders the poses of a request: returns Layers, light by its source, for each camera."""
 
     version: str
     """Names all that decides its images: a cached render of another version is not used."""

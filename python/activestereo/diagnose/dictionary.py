@@ -75,7 +75,8 @@ class Dictionary:
 def first_dictionary(
     evidence: Evidence, model: Model, effects: Sequence[Effect], reach: float, workers: int, memory: FitCache | None
 ) -> Dictionary:
-    """Returns a dictionary with columns of the first shapes of effects, as atoms_of() and first_shapes() make them."""
+    """Returns a dictionary with columns of the effects' first_shapes() alone; their other trial shapes are in `others`.
+    reach: prior standard deviation of an amplitude, in typical values."""
     linear = as_gathered(evidence, model, memory)
     atoms = atoms_of(linear, effects, reach, workers, memory)
     first = first_shapes(atoms)

@@ -192,7 +192,7 @@ def explained(result: Mapping[str, Any], effect_id: str) -> str:
 
 
 def _size(entry: Mapping[str, Any]) -> str:
-    """Returns an effect's gain; in measured rooms there is none but nats."""
+    """Returns an effect's gain as text: noise variances and nats, in measured rooms nats alone."""
     nats, gain = f"{entry['score_nats']:.0f} nats", entry["gain_reduced_chi2"]
     return nats if gain is None else f"{gain:.3g} noise variances ({nats})"
 

@@ -139,8 +139,8 @@ def subsurface(inputs: EngineInputs, fraction: float, length_m: float, core: flo
     ],
 )  # fmt: skip
 def transmission(inputs: EngineInputs, fraction: float, behind: float, surfaces: float) -> None:
-    """Surfaces are panes that reflect less light and show what lies behind them clearly, in its own brightness where no
-    texture gives their albedo. The formula lets its ambient light pass, not its dots."""
+    """Surfaces are panes that reflect less light and show clearly what lies behind them. It keeps its brightness,
+    unless a texture gives the panes' albedo. The formula lets ambient light from behind pass, not dots."""
     inputs.unrendered["behind"] = behind
     for material in inputs.surfaces(surfaces):
         has_texture = material.ir_albedo_texture is not None or material.base_color_texture is not None

@@ -43,8 +43,8 @@ _BRIGHT = 0.998  # this quantile of a texture is its brightest value
 def write_scene(
     path: Path, views: Sequence[SceneView], poses: Sequence[Pose], textures: Sequence[Textures], camera: Camera
 ) -> int:
-    """Writes a scene of several views as .glb and returns the number of triangles. poses: 4x4 camera_to_world. The
-    materials' emission is the room's light reflected by each surface; it lights nothing else."""
+    """Writes a scene of several views as .glb and returns the number of triangles. poses: 4x4 camera_to_world. Each
+    surface emits the room's light that it reflects, and this emission lights no other surface."""
     writer = GltfWriter("activestereo calibrate world")
     writer.set_extras(room_light="emission")
     step = int(np.ceil(np.sqrt(2.0 * len(views) * camera.width * camera.height / _MOST_TRIANGLES)))

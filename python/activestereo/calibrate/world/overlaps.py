@@ -137,10 +137,10 @@ def _by_features(first: Features, second: Features, K: NDArray[np.float64], rati
 
 @dataclass(frozen=True)
 class Contact:
-    """Pairs of points of two overlapping surfaces, in the second camera's frame. pixel: flat index in the first image.
-    point: the first surface's point, moved. there, normal: the second surface's point and normal at the same pixel.
-    distance: from that plane, along its normal, m. seen: share of the samples that fall on the second's known
-    pixels."""
+    """Pairs of points of two overlapping surfaces, in the second camera's frame, metres. pixel: flat index in the first
+    image. point: the first surface's point. there, normal: the second surface's point and normal at the pixel where the
+    second camera sees `point`. distance: from `point` to `there` along `normal`. seen: share of the first surface's
+    samples that fall on known pixels of the second image."""
 
     pixel: NDArray[np.int64]
     point: NDArray[np.float64]

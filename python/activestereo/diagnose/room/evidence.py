@@ -133,8 +133,8 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
 
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Returns the sets of columns by which an effect may show: those of each parameter alone, without a bend, then all
-    together."""
+    """Returns the ways in which an effect may show, each as indices of columns: each parameter's alone, without its
+    saturation column (_is_bend()), then all columns together."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
     alone = [np.array([j for j in own if columns[j].parameter == p and not _is_bend(columns[j])]) for p in parameters]
     return alone if len(alone[0]) == len(own) else [*alone, own]

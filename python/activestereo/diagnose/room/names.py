@@ -211,9 +211,9 @@ def _key(column: Column) -> str:
 def _chosen(
     room: Room, light: RoomLight, still: Sequence[Column], asked: Mapping[str, Effect]
 ) -> tuple[Mapping[str, tuple[float, ...]], dict[str, tuple[tuple[float, ...], float]]]:
-    """Returns ({effect: its likeliest alternative in the slow band}, Seen.promised). still: nuisance columns fitted
-    too. Alternatives are compared by their likelihood against no flicker at all, not against the flicker of good units:
-    weak flicker at a wrong period would pass for a black level."""
+    """Returns `chosen` and `promised` of a Seen, for effects with alternatives, from the slow band alone. still:
+    nuisance columns fitted too. Alternatives are compared by their likelihood against no flicker at all, not against
+    the flicker of good units: weak flicker at a wrong period would pass for a black level."""
     searched = alternatives(room, light, asked)
     if not searched:
         return {}, {}

@@ -128,7 +128,8 @@ def _tells(
     seen: Seen, scores: Reduced, spread: Mapping[str, float], unsure: Mapping[str, float] | None = None
 ) -> dict[str, Sizes]:
     """Returns {effect: {parameter: least size at which it is named}}, without sizes beyond the parameters' ranges.
-    spread: as in session_spread(). unsure: {effect: factor on its least sizes}."""
+    spread: {"effect.parameter": standard deviation between sessions of good cameras}. unsure: {effect: factor on its
+    least sizes}."""
     out: dict[str, Sizes] = {}
     names = {c.name for c in scores.columns}
     for found in judged(scores, session_spread(scores, spread)):

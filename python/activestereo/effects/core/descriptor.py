@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class Channel(Enum):
-    """The data on which an effect is judged: see the head of this file."""
+    """The data on which the lab judges an effect: expected images, random fields that frames share, noise, or depth."""
 
     EXPECTED_IMAGE = "expected image"
     STATIC_FIELD = "static field"

@@ -51,8 +51,8 @@ MATT_VERSION = 7
 
 
 class MattSurfaces(NamedTuple):
-    """Holds the geometry of the surfaces that a camera sees. `material` of `surfaces` only tells surface and sky apart.
-    covered: the share of each pixel that is no sky, [height][width]. albedo: the mean infrared albedo, of sky 0."""
+    """The geometry of the surfaces that a camera sees, [height][width]. surfaces: `material` is 0 in the sky and 1
+    elsewhere. covered: the share of each pixel that is not sky. albedo: each pixel's mean infrared albedo, sky 0."""
 
     surfaces: Surfaces
     covered: NDArray[np.float32]

@@ -279,7 +279,8 @@ class CaptureRenderer:
         max_bounces: int | None = None,
     ) -> dict[str, NDArray]:
         """Renders all poses in one call and returns {output: [camera][height][width][channels]}. The rig's projector
-        has 1 W/sr. half: see lights(). samples, max_bounces: None: the renderer's own."""
+        has 1 W/sr. half: 0 or 1, one of two independent halves of the samples; None: all samples. samples,
+        max_bounces: None: the renderer's own."""
         lights: list[tuple[kuafu.Light, NDArray | None]] = []
         has_lamps = lit is not _Lit.UNITS and _has(poses, _Lit.LAMPS)
         group = (f"light_group_{_ADDED_GROUP}",) if has_lamps else ()
@@ -326,7 +327,7 @@ def _worlds(frames: Iterable[tuple[Frame, EngineInputs]]) -> list[_Poses]:
 
 
 def _has(poses: list[EngineInputs], lit: _Lit) -> bool:
-    """Returns whether a render has added lights."""
+    """Returns whether any added light belongs to the render `lit`: projectors to UNITS, lamps to the others."""
     return any((light.kind == "projector") == (lit is _Lit.UNITS) for inputs in poses for light in inputs.added_lights)
 
 

@@ -166,10 +166,10 @@ class spatial_filter(filter):
 
 
 def _sweep(values: NDArray[np.float32], alpha: float, delta: float, radius_px: int = 0, is_count: bool = False) -> None:
-    """Smooths and fills along the first axis, in place. A measured value moves towards the one before it, unless they
-    differ by delta or more. Of each hole, the first radius_px - 1 pixels take the value before them. As in librealsense
-    (src/proc/spatial-filter), counts are rounded and compared with smoothed neighbours, disparities with unsmoothed
-    ones; in counts, a lone measured pixel between holes does not start a new fill."""
+    """Smooths and fills depth counts or disparities along the first axis, in place. A measured value becomes
+    alpha x itself + (1 - alpha) x the one before it, unless they differ by delta or more. The first radius_px - 1
+    pixels of a hole take the value before it. As in librealsense (src/proc/spatial-filter), counts are rounded and
+    compared with smoothed neighbours, disparities with unsmoothed ones. A lone count between holes starts no fill."""
     before, compared = values[0].copy(), values[0].copy()
     run = np.zeros(values.shape[1], np.int64)
     for row in values[1:]:
