@@ -6,11 +6,14 @@ import argparse
 import io
 import os
 import re
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from importlib import import_module
+from multiprocessing import active_children
 from pathlib import Path
 from typing import TextIO, cast
 
@@ -27,6 +30,7 @@ from activestereo.cli.arguments import (
     FINE,
     READER_GONE,
     STOPPED,
+    TERMINATED,
     USAGE,
     CommandError,
     Finding,
@@ -98,12 +102,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return USAGE
         args = _parsed(given)
         args.given = [word for word in given if word != "--allow-outside"]
-        with outside_allowed() if args.allow_outside else nullcontext(), _no_empty_folder(getattr(args, "out", None)):
-            with redirect_stdout(cast(TextIO, PlainStream(sys.stdout))):
+        with outside_allowed() if args.allow_outside else nullcontext(), _sigterm_as_ctrl_c():
+            with _no_empty_folder(getattr(args, "out", None)), redirect_stdout(cast(TextIO, PlainStream(sys.stdout))):
                 _run(args)
         sys.stdout.flush()
     except KeyboardInterrupt as error:
-        return _fail(_error_text(error) or "stopped", STOPPED)
+        return _fail(_error_text(error) or "stopped", TERMINATED if isinstance(error, _Terminated) else STOPPED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has gone: discard the rest
         return READER_GONE
@@ -137,6 +141,32 @@ def _run(args: argparse.Namespace) -> None:
     except SystemExit as error:  # no command here exits, but a user's effect may
         last = traceback.extract_tb(error.__traceback__)[-1]
         raise CommandError(f"{last.filename}, line {last.lineno}: sys.exit({error.code!r}) was called") from error
+
+
+class _Terminated(KeyboardInterrupt):
+    """Ends a command on SIGTERM, by the same way out as Ctrl-C."""
+
+
+@contextmanager
+def _sigterm_as_ctrl_c() -> Iterator[None]:
+    """Wraps a command. SIGTERM raises _Terminated and ends worker processes, unless the program around the command has
+    a handler of its own."""
+
+    def end(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # `timeout` sends it twice
+        for process in active_children():
+            process.terminate()
+        raise _Terminated
+
+    is_main = threading.current_thread() is threading.main_thread()  # Python allows no other one a handler
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager

@@ -32,7 +32,8 @@ USAGE = 2  # an option or a file is wrong
 FAILURE = 3  # the device or the program failed
 STOPPED = 130  # from the keyboard: 128 + SIGINT
 READER_GONE = 141  # of a pipe: 128 + SIGPIPE
-EXIT_CODES = FINE, FINDING, USAGE, FAILURE, STOPPED, READER_GONE
+TERMINATED = 143  # 128 + SIGTERM
+EXIT_CODES = FINE, FINDING, USAGE, FAILURE, STOPPED, READER_GONE, TERMINATED
 
 # The main parser's subparsers; each command's add_parser() adds one.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"

@@ -148,11 +148,11 @@ def _told_where_stopped(folder: Path, bar: ProgressBar) -> Iterator[None]:
     note = folder / _STOPPED
     try:
         yield
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         if not bar.phase:
             raise
         kept = f"renders and fits so far are kept in {default_cache_folder()}; the same command goes on from there"
         said = f"stopped in phase {bar.phase}: {kept}"
         write_text(note, said + "\n")
-        raise KeyboardInterrupt(said) from None
+        raise type(error)(said) from None
     note.unlink(missing_ok=True)

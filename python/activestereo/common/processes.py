@@ -84,10 +84,11 @@ def return_freed_memory() -> None:
 
 
 def _take_job(work: Callable[[Any], object], items: Sequence[Any]) -> None:
-    """Begins a forked process. An interrupt ends it silently."""
+    """Begins a forked process. A signal ends it silently."""
     global _job
     _job = work, items
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _done(i: int) -> object:

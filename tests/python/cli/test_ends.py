@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How commands end where the world around them is not as they would have it, or Ctrl-C ends them."""
+"""How commands end where the world around them is not as they would have it, or Ctrl-C or SIGTERM ends them."""
 
 import os
 import subprocess
@@ -102,6 +102,28 @@ def test_a_refused_command_leaves_no_folder(command, tmp_path, capsys):
         assert main([command, str(tmp_path / "none"), "--out", str(out)]) == 2
         assert f"{tmp_path / 'none'}" in capsys.readouterr().err
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose"])
+def test_sigterm_leaves_no_folder_and_ends_the_workers_as_ctrl_c_does(command, tmp_path):
+    """The command's work is a minute's sleep of two processes."""
+    code = """
+import os, signal, sys, threading, time
+from activestereo.cli import arguments, main
+from activestereo.common.processes import forked
+
+def work(out, own=arguments.make_folder):
+    own(out)
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    list(forked(time.sleep, [60, 60], 2))
+
+arguments.make_folder = work
+sys.exit(main(sys.argv[1:]))
+"""
+    words = [sys.executable, "-c", code, command, tmp_path / "none", "--out", tmp_path / "new/below"]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=30)
+    assert (result.returncode, result.stderr) == (143, "activestereo: stopped\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_compare_refuses_a_capture_before_it_loads_what_renders(tmp_path):
