@@ -209,6 +209,12 @@ class Capture:
     def split(self, name: str) -> list[Frame]:
         return [frame for frame in self.frames if frame.split == name]
 
+    def check_train(self) -> None:
+        """Raises CaptureError unless a model can be fitted to a frame. Called before long renders."""
+        if not self.split("train"):
+            text = "is 'test' in all frames: say 'train' in those that a model is fitted to"
+            raise CaptureError(f"{self.path / 'capture.json'}: frames: split: {text}")
+
     def ir(self, frame: Frame, side: str) -> np.ndarray:
         """Reads a frame's 'left' or 'right' infrared image, float32 [height, width], DN; averaged if the capture is
         binned."""

@@ -93,6 +93,7 @@ def compare(
     calibrate: returns the capture with a measured rig and pattern in place of the nominal ones.
     """
     capture = read_capture(capture_path)
+    capture.check_train()
     if calibrate is not None:
         capture = calibrate(capture)
     if renderer is None:

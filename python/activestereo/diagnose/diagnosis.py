@@ -176,6 +176,7 @@ def diagnose(
     if reason:
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
+    whole.check_train()
     if is_measured_room(whole):
         from activestereo.diagnose.room.diagnosed import diagnosed_room  # half of all imports' time
 

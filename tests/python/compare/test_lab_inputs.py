@@ -15,13 +15,16 @@ import kuafu
 from activestereo.capture.capture import CaptureError, read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
+from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest
 from activestereo.compare.model_file import read_model
 from activestereo.compare.nuisances import fit_with_exposures
+from activestereo.diagnose.diagnosis import diagnose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
+from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
 
 
@@ -101,6 +104,19 @@ def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
     path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))
     with pytest.raises(ValueError, match="model.json: effects"):
         read_model(path, builtin())
+
+
+@pytest.mark.parametrize("judge", [compare, diagnose])
+def test_a_capture_without_train_frames_is_refused_before_it_is_rendered(judge, tmp_path):
+    world = make_world(tmp_path, size=(80, 45), grid=1)
+    folder, renderer = world.capture_path, WorldRenderer(world, grid=1)
+    values = json.loads((folder / "capture.json").read_text())
+    for frame in values["frames"]:
+        frame["split"] = "test"
+    (folder / "capture.json").write_text(json.dumps(values))
+    with pytest.raises(CaptureError, match="capture.json: frames: split: is 'test' in all frames: say 'train' in"):
+        judge(folder, renderer=renderer)
+    assert renderer.calls == 0
 
 
 def test_a_capture_with_nothing_to_fit_is_named(tmp_path):
