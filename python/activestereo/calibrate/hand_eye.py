@@ -91,9 +91,9 @@ def hand_eye(gripper_to_base: list[NDArray[np.float64]], board_to_camera: list[N
 
 
 def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Reads {frame's name: gripper_to_base} from a CSV file. A line is name,x,y,z,qx,qy,qz,qw (metres, unit
-    quaternion), or name and 16 numbers, row-major. A first line of words is a heading. Raises ValueError with file,
-    line and fault."""
+    """Reads {frame's name without folder and suffix: gripper_to_base} from a CSV file. A line is
+    name,x,y,z,qx,qy,qz,qw (metres, unit quaternion), or name and 16 numbers, row-major. A first line of words is a
+    heading. Raises ValueError with file, line and fault."""
     poses, lines = {}, dict[str, int]()
     try:
         rows = list(csv.reader(io.StringIO(read_text(path), newline="")))
@@ -111,13 +111,15 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
             raise ValueError(f"{place}: '{','.join(cells[1:])}' are not numbers") from None
         if len(values) not in (7, 16) or not np.isfinite(values).all():
             raise ValueError(f"{place}: {len(values)} numbers, expected finite x,y,z,qx,qy,qz,qw or a row-major 4x4")
-        if (before := lines.setdefault(cells[0], number)) != number:
-            raise ValueError(f"{place}: frame {shown(cells[0])} has a pose in line {before}, too: keep one of them")
+        name = Path(cells[0]).stem
+        if (before := lines.setdefault(name, number)) != number:
+            told = "keep one of them; folders and endings of names do not count"
+            raise ValueError(f"{place}: frame {shown(cells[0])} has a pose in line {before}, too: {told}")
         if len(values) == 16:
             pose = values.reshape(4, 4)
-            poses[cells[0]] = printed_motion(pose[:3, :3], pose[:3, 3], place, pose[3])
+            poses[name] = printed_motion(pose[:3, :3], pose[:3, 3], place, pose[3])
             continue
-        poses[cells[0]] = pose_of_seven(values, place)
+        poses[name] = pose_of_seven(values, place)
     if not poses:
         raise ValueError(f"{path}: holds no poses: each line is name,x,y,z,qx,qy,qz,qw")
     return poses

@@ -263,7 +263,7 @@ def _rig(args: argparse.Namespace, bar: ProgressBar) -> tuple[Any, ...]:
     from activestereo.calibrate.hand_eye import hand_eye, read_poses
     from activestereo.calibrate.rig import Board, calibrate_rig, write_coverage
 
-    robot = {} if args.robot is None else {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
+    robot = {} if args.robot is None else read_poses(args.robot)
     has_lens = not args.rectified and args.k is None
     result = calibrate_rig(args.frames, Board.parse(args.board), has_lens, args.k, bar)
     text, written = result.summary(), [args.out.with_suffix(".coverage.png")]

@@ -227,8 +227,7 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
         return None
     if args.hand_eye is None:
         raise cli.CommandError("--robot needs --hand-eye: the .hand_eye.json that calibrate rig --robot writes")
-    named = {Path(name).stem: pose for name, pose in read_poses(args.robot).items()}
-    return RobotPoses(named, JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
+    return RobotPoses(read_poses(args.robot), JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))
 
 
 def _nominal_projector(config: StereoDepthSensorConfig) -> tuple[Projector, NDArray[np.uint8]]:

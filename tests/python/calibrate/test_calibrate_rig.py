@@ -143,6 +143,7 @@ def test_bad_poses_are_refused_with_file_and_line(tmp_path):
         ("b,1,2\na,x,0,0,0,0,0,1\n", "line 1: 2 numbers"),
         ("name,x\n", "holds no poses"),
         ("a,0,0,0,0,0,0,1\nb,0,0,0,0,0,0,1\na,1,0,0,0,0,0,1\n", "line 3: frame 'a' has a pose in line 1, too"),
+        ("a.png,0,0,0,0,0,0,1\nleft/a.png,1,0,0,0,0,0,1\n", "line 2: frame 'left/a.png' has a pose in line 1, too"),
         ("a," + 200_000 * "1" + "\n", "is no table of poses: field larger than"),
     ):
         file.write_text(text)
