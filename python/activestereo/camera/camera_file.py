@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from os.path import exists, isfile  # unlike Path's, false for a name too long
 from pathlib import Path
 from typing import Any
 
 from activestereo.common.input_files import read_toml
 from activestereo.common.limits import Limits
 from activestereo.common.parameter import MATCHER, OPTICS, RENDER, SIGNAL
-from activestereo.common.shown import did_you_mean
+from activestereo.common.shown import did_you_mean, shown
 
 FOLDER = Path(__file__).parent / "data"
 BASES = ("data sheet", "measured", "published", "derived", "estimated")
@@ -100,12 +101,13 @@ def read_camera(name: str | Path) -> CameraData:
     """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the figure
     and its fault."""
     path = FOLDER / f"{str(name).lower()}.toml"
-    if not path.is_file() or "/" in str(name):
+    if path.stem not in camera_names() or "/" in str(name):
         path = Path(name)
         if path.suffix != ".toml":
             titles = camera_titles()
             known = f"known: {', '.join(titles)}, or the path of a .toml file"
-            raise ValueError(f"unknown sensor '{name}' ({known}){did_you_mean(name, titles)}")
+            told = f"'{name}'" if exists(name) else shown(str(name))
+            raise ValueError(f"unknown sensor {told} ({known}){did_you_mean(name, titles)}")
     return _read(path, _LONGEST_CHAIN)
 
 
@@ -124,18 +126,21 @@ def _read(path: Path, chain: int) -> CameraData:
     figures: dict[str, dict[str, Figure]] = {section: {} for section in FIELDS}
     base = content.pop("based_on", None)
     if base is not None:
-        beside = path.parent / f"{base}.toml"
-        beside = beside if beside.is_file() else FOLDER / f"{base}.toml"
+        places = (folder / f"{base}.toml" for folder in (path.parent, FOLDER))
+        beside = next((place for place in places if isfile(place)), None)
+        if beside is None:
+            known = ", ".join(camera_names())
+            raise ValueError(f"{path}: based_on: is {shown(base)}, expected a file beside it, or one of {known}")
         figures = {section: dict(entries) for section, entries in _read(beside, chain - 1).figures.items()}
     texts = {key: content.pop(key, None) for key in ("name", "title")}
     for key, text in texts.items():
         if not isinstance(text, str) or not text:
-            raise ValueError(f"{path}: {key}: is {text!r}, expected text")
+            raise ValueError(f"{path}: {key}: is {shown(text)}, expected text")
     for section, entries in content.items():
         if section not in FIELDS:
             raise ValueError(f"{path}: {_unknown('section', section, FIELDS)}")
         if not isinstance(entries, dict):
-            raise ValueError(f"{path}: {section}: is {entries!r}, expected a section of figures")
+            raise ValueError(f"{path}: {section}: is {shown(entries)}, expected a section of figures")
         for key, entry in entries.items():
             if key not in FIELDS[section]:
                 raise ValueError(f"{path}: {_unknown(f'figure of {section}', key, FIELDS[section])}")
@@ -145,23 +150,23 @@ def _read(path: Path, chain: int) -> CameraData:
 
 def _unknown(kind: str, name: str, known: dict[str, Any]) -> str:
     hint = did_you_mean(name, known) or f"; known: {', '.join(known)}"
-    return f"'{name}' is no {kind}{hint}"
+    return f"{shown(name)} is no {kind}{hint}"
 
 
 def _figure(place: str, entry: Any, field: Field) -> Figure:
     if not isinstance(entry, dict) or set(entry) != {"value", "basis", "source"}:
-        raise ValueError(f"{place}: expected {{ value = ..., basis = ..., source = ... }}, not {entry!r}")
+        raise ValueError(f"{place}: expected {{ value = ..., basis = ..., source = ... }}, not {shown(entry)}")
     if entry["basis"] not in BASES:
-        raise ValueError(f"{place}: basis is {entry['basis']!r}, expected one of {', '.join(BASES)}")
+        raise ValueError(f"{place}: basis is {shown(entry['basis'])}, expected one of {', '.join(BASES)}")
     if not isinstance(entry["source"], str) or not entry["source"].strip():
         raise ValueError(f"{place}: source is empty: say where the figure comes from")
     value, figure = entry["value"], Figure(entry["value"], entry["basis"], entry["source"])
     if field.choices:
         if value not in field.choices or isinstance(value, bool) != isinstance(field.choices[0], bool):
-            raise ValueError(f"{place}: is {value!r}, expected one of {', '.join(map(repr, field.choices))}")
+            raise ValueError(f"{place}: is {shown(value)}, expected one of {', '.join(map(repr, field.choices))}")
         return figure
     if field.count and (not isinstance(value, list) or len(value) != field.count):
-        raise ValueError(f"{place}: is {value!r}, expected {field.count} numbers")
+        raise ValueError(f"{place}: is {shown(value)}, expected {field.count} numbers")
     for part in value if field.count else [value]:
         low = min(field.low, 0.0) if field.or_zero and part == 0 else field.low
         if (fault := Limits(low, field.high, field.unit, field.whole).fault(part)) is not None:

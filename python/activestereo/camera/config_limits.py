@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from math import inf
 from os import PathLike
 from typing import Any, Literal, TypeAlias, get_args
@@ -34,7 +33,7 @@ from activestereo.common.limits import (
 from activestereo.common.parameter import MATCHER, OPTICS, RENDER, RENDERER, RIG, SIGNAL, Parameter
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose
-from activestereo.common.shown import did_you_mean
+from activestereo.common.shown import did_you_mean, nearest, shown
 
 # {camera: (resolution, its matrix, a copy of the matrix)}, set together.
 Calibrated: TypeAlias = "Mapping[str, tuple[tuple[int, int], NDArray[np.float64], NDArray[np.float64]]]"
@@ -128,13 +127,13 @@ def _fault(name: str, value: Any) -> str | None:
     if name in _TABLE:
         return _parameter_fault(_TABLE[name], value)
     if name in _CHOICES and value not in _CHOICES[name]:
-        return f"is {value!r} (known: {', '.join(_CHOICES[name])})"
+        return f"is {shown(value)} (known: {', '.join(_CHOICES[name])})"
     if name in _FLAGS:
         return _flag_fault(value)
     if name in _LENSES:
         count = np.size(value)
         if count not in LENGTHS:
-            return f"is {value!r}, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens"
+            return f"is {shown(value)}, expected 5 numbers, 8 of a rational lens or 4 of a fisheye lens"
         return _list_fault(value, [DISTORTION] * count)
     if name in _MATRICES:
         return _matrix_fault(value)
@@ -147,7 +146,7 @@ def _fault(name: str, value: Any) -> str | None:
     if name == "ir_signal":
         if not isinstance(value, str):
             return _record_fault(value, *_IMAGER)
-        simsense.signal_preset(value)  # type: ignore[arg-type]  # the engine knows them, and says so
+        simsense.signal_preset(value[:40])  # type: ignore[arg-type]  # the engine knows them, all shorter, and says so
     elif name == "depth_maps":
         return _names_fault(value, DEPTH_MAPS)
     elif name == "light_dots":
@@ -156,9 +155,9 @@ def _fault(name: str, value: Any) -> str | None:
         is_image = value.ndim == 2 and value.size > 0 and value.dtype == np.uint8
         return None if is_image else f"is {value.dtype} {list(value.shape)}, expected uint8 [height, width]"
     elif name == "light_pattern" and not (value is None or isinstance(value, (str, PathLike))):
-        return f"is {value!r}, expected 'generated', an image, the path of one, or None"
+        return f"is {shown(value)}, expected 'generated', an image, the path of one, or None"
     elif name == "pattern_design" and not isinstance(value, PatternDesign):
-        return f"is {value!r}, expected a PatternDesign"
+        return f"is {shown(value)}, expected a PatternDesign"
     return None
 
 
@@ -169,7 +168,7 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
     if p.kind is tuple:
         return _names_fault(value if isinstance(value, (tuple, list)) else (value,), p.choices)
     if p.choices:
-        return None if value in p.choices else f"is {value!r} {known}"
+        return None if value in p.choices else f"is {shown(value)} {known}"
     if p.kind is bool:
         return _flag_fault(value)
     if p.kind is str or (p.name in _ENDLESS and value == inf):
@@ -185,21 +184,21 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
 
 def _flag_fault(value: Any) -> str | None:
     is_flag = isinstance(value, (bool, int, np.bool_)) and value in (True, False)
-    return None if is_flag else f"is {value!r}, expected True or False"
+    return None if is_flag else f"is {shown(value)}, expected True or False"
 
 
 def _names_fault(names: Any, known: Sequence[str]) -> str | None:
     if not isinstance(names, (tuple, list)):
-        return f"is {names!r}, expected names out of {', '.join(known)}"
+        return f"is {shown(names)}, expected names out of {', '.join(known)}"
     odd = [one for one in names if one not in known]
-    return f"has {odd[0]!r} (known: {', '.join(known)}){did_you_mean(odd[0], known)}" if odd else None
+    return f"has {shown(odd[0])} (known: {', '.join(known)}){did_you_mean(odd[0], known)}" if odd else None
 
 
 def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[str, int]) -> str | None:
     if values is None:
         return None
     if not isinstance(values, Mapping):
-        return f"is {values!r}, expected {{parameter: value}}"
+        return f"is {shown(values)}, expected {{parameter: value}}"
     known = (*table, *lengths)
     for name, value in values.items():
         if name in table:
@@ -207,10 +206,10 @@ def _record_fault(values: Any, table: Mapping[str, Parameter], lengths: Mapping[
         elif name in lengths:
             fault = _list_fault(value, [ANY] * lengths[name])
         else:
-            near = [other for other in known if other.startswith(str(name))] or get_close_matches(str(name), known, 1)
-            return f"has no parameter {name!r}" + (f": did you mean {near[0]!r}?" if near else "")
+            near = next((other for other in known if other.startswith(str(name))), nearest(name, known))
+            return f"has no parameter {shown(name)}" + (f": did you mean '{near}'?" if near else "")
         if fault is not None:
-            return f"[{name!r}] {fault}"
+            return f"[{shown(name)}] {fault}"
     return None
 
 
@@ -232,7 +231,7 @@ def _dots_fault(dots: Any) -> str | None:
 
 def _list_fault(values: Any, limits: Sequence[Limits]) -> str | None:
     if isinstance(values, str) or np.shape(values) != (len(limits),):
-        return f"is {values!r}, expected {len(limits)} numbers"
+        return f"is {shown(values)}, expected {len(limits)} numbers"
     faults = [f"[{i}] {fault}" for i, value in enumerate(values) if (fault := limits[i].fault(value)) is not None]
     return faults[0] if faults else None
 
@@ -243,7 +242,7 @@ def _matrix_fault(value: Any) -> str | None:
     except (TypeError, ValueError, OverflowError):
         k = np.empty(0)
     if k.shape != (3, 3):
-        return f"is {value!r}, expected a 3x3 camera matrix"
+        return f"is {shown(value)}, expected a 3x3 camera matrix"
     for name, limits, entry in (
         ("fx", FOCAL, k[0, 0]), ("fy", FOCAL, k[1, 1]), ("skew", PIXEL, k[0, 1]),
         ("cx", PIXEL, k[0, 2]), ("cy", PIXEL, k[1, 2]),

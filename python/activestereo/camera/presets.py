@@ -32,7 +32,7 @@ from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.parameter_types import MatcherFields, RenderFields
 from activestereo.common.pattern import PatternDesign
 from activestereo.common.pose import Pose, as_matrix, rigid_motion
-from activestereo.common.shown import did_you_mean
+from activestereo.common.shown import did_you_mean, shown
 
 if TYPE_CHECKING:
     from activestereo.capture.capture import Frame
@@ -251,7 +251,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
 
     @classmethod
     def _unknown(cls, name: str) -> str:
-        return f"a sensor's configuration has no field '{name}'{did_you_mean(name, cls._FIELDS)}"
+        return f"a sensor's configuration has no field {shown(name)}{did_you_mean(name, cls._FIELDS)}"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, StereoDepthSensorConfig):

@@ -61,7 +61,9 @@ WRONG = {
     "count": (BASE + f"[rig]\nir_resolution = {{ value = [1], {HERE} }}\n", "expected 2 numbers"),
     "choice": (BASE + f'[exposure]\nmode = {{ value = "auto", {HERE} }}\n', "'auto', expected one of 'fixed'"),
     "name": ('title = "x"\nbased_on = "d435"\n', "name: is None"),
-    "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "d999.toml: cannot be read"),
+    "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "mine.toml: based_on: is 'd999', expected"),
+    "long base": (f'based_on = "{1_000_000 * "x"}"\n', "based_on: is 'xxx"),
+    "long section": (BASE + f"[{1_000_000 * 'x'}]\n", "xxx' is no section"),
     "circle": ('name = "x"\ntitle = "x"\nbased_on = "mine"\n', "in a circle"),
     "incomplete": ('name = "x"\ntitle = "x"\n', "rig.rgb_resolution is missing"),
 }
@@ -74,7 +76,7 @@ def test_what_is_wrong_with_a_file_is_told(case, tmp_path):
     path.write_text(text)
     with pytest.raises(ValueError) as error:
         StereoDepthSensorConfig(path)
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert message in str(error.value) and "\n" not in str(error.value) and len(str(error.value)) < 500
 
 
 def test_the_command_prints_all_cameras_and_one(capsys):

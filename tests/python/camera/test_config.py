@@ -152,7 +152,7 @@ def changed(**fields):
         ("max_disparity", "x", "max_disparity is 'x', expected a whole number, 16..1024 px"),
         ("ir_signal", {"read_noise": 1.0}, "ir_signal has no parameter 'read_noise': did you mean 'read_noise_e'"),
         ("ir_signal", {"read_noise_e": float("nan")}, r"ir_signal \['read_noise_e'\] is nan"),
-        ("ir_signal", 3.0, "ir_signal is 3.0, expected"),
+        ("ir_signal", 3.0, "ir_signal is 3, expected"),
         ("ir_optics", {"vignetting_exponent": 65.0}, r"ir_optics \['vignetting_exponent'\] is 65"),
         ("rgb_optics", {"vignette": 1.0}, "rgb_optics has no parameter 'vignette'"),
         ("light_dots", [[1.0, 2.0]], r"light_dots has the shape \[1, 2\]"),
@@ -167,6 +167,10 @@ def changed(**fields):
         ("pattern_design", 5, "pattern_design is 5, expected a PatternDesign"),
         ("light_pattern", np.zeros((2, 2, 3), np.uint8), r"light_pattern is uint8 \[2, 2, 3\], expected uint8"),
         ("light_pattern", 5, "light_pattern is 5, expected 'generated', an image"),
+        ("ir_optics", {1_000_000 * "x": 1.0}, r"ir_optics has no parameter 'xxx.{0,50}$"),
+        ("depth_maps", (1_000_000 * "x",), r"depth_maps has 'xxx.{0,50} .known: .{0,99}$"),
+        ("ir_signal", 1_000_000 * "x", r"no signal preset 'xxx.{0,50} .known: .{0,99}$"),
+        ("emitter", 1_000_000 * "x", r"emitter is 'xxx.{0,50} .known: .{0,99}$"),
     ],
 )
 def test_a_field_refuses_what_it_cannot_be_when_it_is_set(name, value, words):
@@ -232,6 +236,8 @@ def test_the_matchers_parameters_go_together(changes, words):
 def test_an_unknown_name_suggests_the_nearest():
     with pytest.raises(ValueError, match="unknown sensor 'd436' .*D415.*D435.*did you mean 'D43.'"):
         StereoDepthSensorConfig("d436")
+    with pytest.raises(ValueError, match="^unknown sensor 'x{9}.{0,50} .known: .{0,200}$"):
+        StereoDepthSensorConfig(1_000_000 * "x")
     with pytest.raises(AttributeError, match="did you mean 'p1'"):
         _ = StereoDepthSensorConfig().p11
 
