@@ -239,7 +239,7 @@ class SensorEngine:
         """Drops the current pictures, numbers the next ones 0, and seeds render and noise. noise_seeds: a noise seed
         for each sensor; None: all use `seed`."""
         self._noise_seeds = noise_seeds
-        self.rig.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
+        self.rig.set_seed(seed)
         self.matcher.set_parameters(noise_seed=seed)
         self.frame, self._place, self._speckle_draw = -1, None, -1
         self._picture.taken, self._picture.has_rgb = None, False

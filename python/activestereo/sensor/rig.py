@@ -275,6 +275,14 @@ class RigInputs:
     def set_plan(self, plan: SensorPlan) -> None:
         self.plan, self._inputs = plan, None
 
+    def set_seed(self, seed: int) -> None:
+        """Seeds render, noise and the effects' draws."""
+        self.plan = replace(self.plan, render_seed=seed, engine=self.plan.engine | {"noise_seed": seed})
+        if self._effects.effects:
+            self._inputs = None
+        elif self._inputs is not None:
+            self._inputs.seed = seed
+
     def set_exposure(self, setting: Setting) -> None:
         """Sets exposure and gain. Recomputes all inputs if there are effects or a scene measurement, which may depend
         on the exposure."""

@@ -190,6 +190,17 @@ def test_a_models_effects_are_each_sensors_own(config: StereoDepthSensorConfig, 
     assert not np.array_equal(batch.get_ir_measured(), plain.get_ir_measured())
 
 
+def test_a_restart_seeds_the_effects_draws_as_a_new_batch_does(config: StereoDepthSensorConfig) -> None:
+    model, mounts = model_of(dot_gain_spread=typical("dot_gain_spread")), Mounts(walls([0.8], 1), [FORWARD])
+    seen = []
+    for noise_seed in (0, 7):
+        config.noise_seed = config.render_seed = noise_seed
+        with StereoDepthSensorBatch(config, mounts, model=model) as batch:
+            batch.restart(7)
+            seen.append(with_depth(batch, infrared_only=True).get_ir_radiance().copy())
+    np.testing.assert_array_equal(*seen)
+
+
 def test_a_model_goes_with_its_batch(config: StereoDepthSensorConfig) -> None:
     scene = walls([0.8, 1.2], 2)
     before = scene.get_material(0).specular, scene.summary.light_count
