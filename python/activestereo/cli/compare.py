@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
-    from activestereo.compare.mismatch import LEAST
+    from activestereo.compare.mismatch import Match
     from activestereo.compare.model_file import library
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.report.summary import comparison_screen, is_near_noise
@@ -71,8 +71,7 @@ def run(args: argparse.Namespace) -> None:
         name, folder = ("simulate", "simulated") if is_found else ("diagnose", "diagnosis")
         same = cli.carried(args, "model", "effects", *cli.SAME_RUN)
         next_step = command(name, args.capture, *same, "-o", args.out / folder)
-        match = comparison.scores["match"]
-        if match["geometry"] is not None and match["geometry"] < LEAST * match["possible"]:  # no effect explains that
+        if Match(**comparison.scores["match"]).has_wrong_geometry:
             next_step = command("view", args.capture, *cli.carried(args, "device"))
         phases.begin(WRITING)
         write_report(comparison, args.out, effects=effects, progress=phases, steps=[next_step])

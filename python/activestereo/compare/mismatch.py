@@ -26,7 +26,7 @@ _SHIFT_SHARE = 0.12
 _MOST_SHIFT_PX = 4
 # Least correlation of a match, as a share of the largest that noise allows. Another pattern gives 0.05 at most; dots
 # moved, blurred and dimmed by the library's strongest effects keep more than 0.4.
-LEAST = 0.25
+_LEAST = 0.25
 # Below this share of the largest correlation a warning says that the pattern explains little.
 _MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
@@ -48,22 +48,27 @@ class Match:
     frames: tuple[int, ...]
 
     @property
+    def has_wrong_geometry(self) -> bool:
+        """Returns whether the geometry is another one than stated, which no effect explains."""
+        return self.geometry is not None and self.possible is not None and self.geometry < _LEAST * self.possible
+
+    @property
     def warnings(self) -> list[str]:
         """Returns one line for each fault of pattern or geometry; none if both are right or nothing is known."""
         if self.pattern is None or self.geometry is None or self.possible is None or self.swapped is None:
             return []
-        limit = LEAST * self.possible
+        limit = _LEAST * self.possible
         if self.geometry == 0.0:
             return [
                 "the scene is not where the cameras look: no surface of it is seen by both of them: check "
                 "camera_to_world, and the scene's place and units; no effect explains this"
             ]
-        if self.geometry < limit and self.swapped > max(limit, self.geometry):
+        if self.has_wrong_geometry and self.swapped > max(limit, self.geometry):
             return [
                 f"the cameras are exchanged: at the scene's depth the images correlate {self.swapped:.2f} with left "
                 f"and right exchanged and {self.geometry:.2f} as they are: exchange left/ and right/ in the capture"
             ]
-        if self.geometry < limit:
+        if self.has_wrong_geometry:
             return [
                 f"geometry does not match: at the scene's depth the cameras' dots correlate {self.geometry:.2f} (noise "
                 f"alone would leave {self.possible:.2f}) and the rendered dots {self.pattern:.2f}: check "

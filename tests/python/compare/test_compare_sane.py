@@ -12,6 +12,7 @@ from activestereo.capture.images import read_gray, write_gray
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.measured_image import MeasuredImage
+from activestereo.compare.mismatch import Match
 from activestereo.compare.noise import frame_noise_variances, pair_noise_model
 from activestereo.compare.nuisances import solve_bounded
 from activestereo.compare.render import render_frames
@@ -68,13 +69,15 @@ def test_a_pattern_that_explains_little_is_told(world, cache, path):
     warnings, scores = warnings_of(path, world, cache)
     match = scores["match"]
     assert 0.5 * match["possible"] < match["pattern"] < 0.75 * match["possible"]
+    assert not Match(**match).has_wrong_geometry and not Match(None, None, None, None, ()).has_wrong_geometry
     assert warnings[0].startswith("the pattern explains little: the rendered dots correlate ")
 
 
 def test_another_scene_is_said_first(world, tmp_path):
     solids = (replace(s, centre=(s.centre[0], s.centre[1] + 0.15, s.centre[2])) for s in world.solids)
     wrong = replace(world, solids=tuple(solids))
-    warnings, _ = warnings_of(world.capture_path, wrong, LayerCache(tmp_path / "cache"))
+    warnings, scores = warnings_of(world.capture_path, wrong, LayerCache(tmp_path / "cache"))
+    assert Match(**scores["match"]).has_wrong_geometry
     assert warnings[0].startswith("geometry does not match: at the scene's depth the cameras' dots correlate ")
 
 
