@@ -141,7 +141,8 @@ def run_diff(args: argparse.Namespace) -> None:
     if args.json:
         cli.print_json(differences(*models))
     else:
-        print(wrapped_lines((diff(*models) or "the two say the same").splitlines()))
+        lines = (line[0] + wrapped_lines([f" {line[1:]}"])[1:] for line in diff(*models).splitlines())
+        print("\n".join(lines) or "the two say the same")
 
 
 def run_export(args: argparse.Namespace) -> None:
