@@ -62,15 +62,18 @@ def run(args: argparse.Namespace) -> None:
 def examine() -> dict[str, Any]:
     """Collects doctor's findings (devices, Vulkan problems, packages, BLAS, cache, free memory) as values for JSON."""
     import kuafu
+    import simsense
     from activestereo.compare.cache import LayerCache
 
     try:
         devices = kuafu.Device.enumerate()
     except RuntimeError:  # some drivers fail if they find no device
         devices = []
-    renders_on = None
+    renders_on, matches_on = None, simsense.Device("host").info.name
     with suppress(RuntimeError):  # a device that cannot be opened
-        renders_on = kuafu.Device().info.name if any(device.usable for device in devices) else None
+        if any(device.usable for device in devices):
+            own = kuafu.Device()
+            renders_on, matches_on = own.info.name, simsense.Device(own).info.name
     free_bytes = None
     with suppress(OSError, KeyError, ValueError):  # a system without /proc/meminfo
         fields = dict(line.split(":", 1) for line in read_text("/proc/meminfo").splitlines())
@@ -78,7 +81,7 @@ def examine() -> dict[str, Any]:
     cache = LayerCache()
     return {
         "renders_on": renders_on,
-        "matches_on": "the device that renders, or the CPU",
+        "matches_on": matches_on,
         "devices": [
             {name: getattr(device, name) for name in _DEVICE} | {"capabilities": list(device.capabilities)}
             for device in devices
@@ -93,7 +96,7 @@ def examine() -> dict[str, Any]:
 
 def _words(found: dict[str, Any]) -> str:
     lines = [f"renders on: {found['renders_on'] or 'nothing: no Vulkan device can be used'}"]
-    lines.append(f"matches on: {found['matches_on'] if found['renders_on'] else 'the CPU'}")
+    lines.append(f"matches on: {found['matches_on']}; recorded pairs on the CPU")
     for device in found["devices"]:
         state = "usable" if device["usable"] else f"refused: {device['refused']}"
         facts = f"{device['kind']}, Vulkan {device['api_version']}, {device['driver']}"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import kuafu
 import pytest
+import simsense
 
 from activestereo.cli import doctor as doctor_module, main
 
@@ -36,6 +37,7 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path))
     main(["doctor"])
     said = " ".join(capsys.readouterr().out.split())  # lines break where a path's length has it
+    assert f"matches on: {simsense.Device(device).info.name}; recorded pairs on the CPU" in said
     assert f"renders on: {device.info.name}" in said and "GiB; can: " in said and f"of 2 GB in {tmp_path}" in said
     _, found = doctor(ACTIVESTEREO_CACHE=tmp_path)
     assert found["renders_on"] == device.info.name and found["memory_free_bytes"] > 1e8
@@ -54,7 +56,7 @@ def test_no_loader(tmp_path):
         (tmp_path / name).write_bytes(b"no library")
     told = doctor(LD_LIBRARY_PATH=tmp_path)
     assert_named(told, "no loader", "libvulkan.so.1", "apt install libvulkan1")
-    assert told[1]["renders_on"] is None and told[1]["devices"] == []
+    assert told[1]["renders_on"] is None and told[1]["devices"] == [] and "host" in told[1]["matches_on"]
 
 
 def test_no_driver(tmp_path):
