@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.capture.capture_json import JsonObject
 from activestereo.common.input_files import open_file, read_json_object
 from activestereo.common.output_files import flat, replace_file, write_json
-from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
+from activestereo.model.model import MATERIAL_FIELDS, NOISE_TERMS, NUISANCES, Quantity, SensorModel
 from activestereo.model.read import FORMAT, VERSION
 
 
@@ -93,11 +93,12 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
             root["pattern"] |= {"background": pattern.background, "dots": np.asarray(pattern.dots).tolist()}
         root["pattern"] |= _source(pattern.source) | {"simulated": "engine"}
     if model.imager is not None:
-        root["imager"] = {name: _quantity(getattr(model.imager, name)) for name in NOISE_TERMS}
+        root["imager"] = {name: _quantity(getattr(model.imager, name), 0.0, np.inf) for name in NOISE_TERMS}
         root["imager"]["simulated"] = "engine"
     root["effects"] = []
     for entry in model.effects:
-        effect, values = entry.effect, {name: _quantity(q) for name, q in entry.parameters.items()}
+        effect, limits = entry.effect, {p.name: (p.low, p.high) for p in entry.effect.parameters}
+        values = {name: _quantity(q, *limits[name]) for name, q in entry.parameters.items()}
         out: dict[str, Any] = {"id": effect.id, "parameters": values}
         if entry.surfaces:
             out["surfaces"] = list(entry.surfaces)
@@ -105,15 +106,20 @@ def model_json(model: SensorModel, pattern_file: str | None = None) -> dict[str,
         if effect.engine is None:
             out["image_only"] = effect.image_only or "it brings no engine fields"
         root["effects"].append(out)
-    root["materials"] = {name: {f: _quantity(q) for f, q in fields.items()} for name, fields in model.materials.items()}
-    root["nuisances"] = {name: _quantity(q) for name, q in model.nuisances.items()}
+    root["materials"] = {
+        name: {field: _quantity(q, *MATERIAL_FIELDS[field][1:]) for field, q in fields.items()}
+        for name, fields in model.materials.items()
+    }
+    root["nuisances"] = {name: _quantity(q, *NUISANCES[name][1:]) for name, q in model.nuisances.items()}
     if model.poses:
         root["poses"] = [{"stated": flat(p.stated), "measured": flat(p.measured)} for p in model.poses]
     return root
 
 
-def _quantity(q: Quantity) -> dict[str, Any]:
-    return {"value": q.value, "low": q.low, "high": q.high, "unit": q.unit, **_source(q.source)}
+def _quantity(q: Quantity, low: float, high: float) -> dict[str, Any]:
+    """Returns a quantity's JSON. Its interval, often a multiple of a deviation, is cut to the limits low..high."""
+    ends = (None if end is None else min(max(end, low), high) for end in (q.low, q.high))
+    return {"value": q.value, **dict(zip(("low", "high"), ends, strict=True)), "unit": q.unit, **_source(q.source)}
 
 
 def _source(source: str) -> dict[str, str]:

@@ -69,6 +69,16 @@ def test_what_is_written_is_read(whole, tmp_path):
     assert read_model(path).pattern.file.is_file()
 
 
+def test_an_interval_beyond_the_limits_is_cut_to_them(whole, tmp_path):
+    wide = {"ir_albedo": Quantity(0.9, 0.8, 1.1), "roughness": Quantity(0.1, -0.1, 0.3)}
+    model = replace(whole, materials={"cup": wide}, nuisances={"ambient_scale": Quantity(2.0, -1.0, 5.0)})
+    model = model.with_effect(EFFECTS["lens_ghost"], {"fraction": Quantity(0.01, -0.5, 0.1)})
+    again = read_model(written(model, tmp_path))
+    cup, share = again.materials["cup"], again.effects[-1].parameters["fraction"]
+    found = (cup["ir_albedo"], cup["roughness"], again.nuisances["ambient_scale"], share)
+    assert [(q.low, q.high) for q in found] == [(0.8, 1.0), (0.0, 0.3), (0.0, 5.0), (0.0, 0.1)]
+
+
 def test_each_part_says_whether_the_engines_simulate_it(whole):
     root = model_json(whole.with_effect(EFFECTS["post_filter"], {"step_px": Quantity(0.1)}), "p.png")
     assert [root[part]["simulated"] for part in ("rig", "pattern", "imager")] == ["engine"] * 3
@@ -103,6 +113,8 @@ def test_surfaces_are_bound_by_name(whole):
         (lambda r: r["effects"][0].update(id="glow"), "unknown effect 'glow'"),
         (lambda r: r["effects"][0]["parameters"].update(power=1.0), "vignetting has no such parameter"),
         (lambda r: r["effects"][0]["parameters"]["exponent"].update(value=99.0), "is 99 1, outside 0..8"),
+        (lambda r: r["effects"][0]["parameters"]["exponent"].update(high=9), "exponent.high: is 9 1, outside 0..8"),
+        (lambda r: r["materials"]["cup"]["ir_albedo_factor"].update(low=-1), "factor.low: is -1 1, outside 0..100"),
         (lambda r: r["effects"][0]["parameters"]["exponent"].update(value="much"), "expected a finite number"),
         (lambda r: r["effects"].append(r["effects"][0]), "the effect 'vignetting' is there twice"),
         (lambda r: r["effects"][0].update(surfaces=["cup"]), "vignetting is not an effect of surfaces"),
@@ -133,13 +145,16 @@ def test_a_file_that_is_not_there_or_no_json_is_one_line(tmp_path, capsys):
 
 def test_show_and_diff_are_in_words(whole, tmp_path, capsys):
     path, other = written(whole, tmp_path), tmp_path / "other.json"
-    write_model(other, whole.with_effect(EFFECTS["vignetting"], {"exponent": Quantity(2.0)}))
+    rig = replace(whole.rig, left=replace(whole.rig.right, distortion=8 * (0.001234,)))
+    write_model(other, replace(whole, rig=rig).with_effect(EFFECTS["vignetting"], {"exponent": Quantity(2.0)}))
     assert main(["model", "show", str(path)]) == 0
     text = capsys.readouterr().out
     told = ("baseline 50.000 mm", "vignetting: exponent = 1.2 (1.1 to 1.3)", "specular on cup")
     assert all(words in text for words in (*told, "engine: optics.vignetting_exponent"))
     assert main(["model", "diff", str(path), str(other)]) == 0
-    assert "+  vignetting: exponent = 2" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "+  vignetting: exponent = 2" in text and "\n      0.001234 0.001234" in text, text
+    assert all(line.startswith(("+", "-", 6 * " ")) and len(line) <= 80 for line in text.splitlines()), text
     assert diff(whole, whole) == ""
     assert show(replace(whole, effects=())).count("effects: none") == 1
 
