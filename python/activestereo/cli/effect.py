@@ -9,8 +9,6 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_json, write_text
 from activestereo.common.shown import counted, printable
@@ -128,12 +126,15 @@ def run_show(args: argparse.Namespace) -> None:
     else:
         strips = [world.strip(effect) for effect in chosen]
         write_figure(args.out, strip_figure(strips))
-    changes = {s.effect.id: {"rms": float(np.sqrt(np.mean(s.difference**2))), "unit": s.unit} for s in strips}
     if args.json:
-        cli.print_json(changes)
+        names = "rms", "unit", "filled", "lost"
+        rows = {s.effect.id: (s.rms(), s.unit, *s.filled_and_lost()) for s in strips}
+        cli.print_json({name: dict(zip(names, row, strict=True)) for name, row in rows.items()})
         return
-    for name, change in changes.items():
-        print(f"{name}: changes the picture by {change['rms']:.3g} {change['unit']} (root mean square)")
+    for s in strips:
+        told = zip(s.filled_and_lost(), ("filled", "lost"), strict=True)
+        holes = "".join(f"; {counted(number, 'pixel')} {what}" for number, what in told if number)
+        print(f"{s.effect.id}: changes the picture by {s.rms():.3g} {s.unit} (root mean square){holes}")
     print(f"see: {printable(args.out)}")
 
 

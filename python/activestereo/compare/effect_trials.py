@@ -190,6 +190,22 @@ class EffectStrip:
     def difference(self) -> NDArray[np.float64]:
         return self.with_it - self.without
 
+    @property
+    def stays(self) -> NDArray[np.bool_]:
+        """Returns which pixels have a value in both pictures: all of "DN". A pixel that gains or loses its depth
+        changes by its whole depth, which is no change of size."""
+        return np.full(self.without.shape, self.unit == "DN") | ((self.without > 0) & (self.with_it > 0))
+
+    def rms(self) -> float:
+        """Returns the root mean square change of the pixels that stay; 0 if there are none."""
+        return float(np.sqrt(np.sum(self.difference[self.stays] ** 2) / max(1, np.count_nonzero(self.stays))))
+
+    def filled_and_lost(self) -> tuple[int, int]:
+        """Returns how many pixels gain a depth, and how many lose theirs."""
+        rows = (self.without, self.with_it), (self.with_it, self.without)
+        first, second = (np.count_nonzero(~self.stays & (before <= 0) & (after > 0)) for before, after in rows)
+        return first, second
+
 
 class StripView:
     """Makes EffectStrips of one frame from its rendered layers {side: Layers}. base: a Model whose effects act in both

@@ -55,15 +55,11 @@ def parameter_words(strip: EffectStrip) -> str:
 
 def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
     """Returns the upper ends of a strip's two colour scales, each the 99.8 % quantile and at least 1e-6. The first is
-    for the pictures, in the strip's unit; the second for the change, in shown_change()'s unit.
-
-    A pixel that gains or loses its depth changes by its whole depth. Such pixels do not count for the change's scale,
-    if the depth of any other pixel changes."""
+    for the pictures, in the strip's unit; the second for the change, in shown_change()'s unit: of the pixels that stay,
+    if any of them changes."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     change = np.abs(shown_change(strip)[0])
-    stays = (strip.without > 0) & (strip.with_it > 0)
-    is_depth = strip.unit != "DN" and change[stays].any()
-    return shown(strip.without), shown(change[stays] if is_depth else change)
+    return shown(strip.without), shown(change[strip.stays] if change[strip.stays].any() else change)
 
 
 def is_flat(strip: EffectStrip) -> bool:

@@ -233,6 +233,20 @@ def test_every_effect_changes_the_picture(world, name):
     assert np.isfinite(strip.with_it).all() and np.mean(strip.difference != 0.0) > 1e-3  # and it is seen
 
 
+@pytest.mark.parametrize(
+    ("unit", "with_it", "rms", "filled_and_lost"),
+    [
+        ("px", (9.0, 4.0, 2.0, 0.0), 1.0, (1, 1)),
+        ("DN", (0.0, 3.0, 0.0, 4.0), 1.5, (0, 0)),
+        ("m", [0.0] * 4, 0.0, (0, 3)),
+    ],
+)
+def test_a_pixel_that_gains_or_loses_its_depth_is_counted_apart(unit, with_it, rms, filled_and_lost):
+    without = np.array([0.0, 3.0, 3.0, 4.0])
+    strip = effect_trials.EffectStrip(builtin()["hole_filling"], {}, unit, without, np.array(with_it))
+    assert strip.rms() == pytest.approx(rms) and strip.filled_and_lost() == filled_and_lost
+
+
 def test_the_picture_with_an_effect_follows_its_law(world):
     shaded = world.strip(builtin()["vignetting"], {"exponent": 3.0})
     height, width = shaded.without.shape
@@ -247,11 +261,12 @@ def test_the_command_draws_a_row_for_each_effect(tmp_path, capsys):
     parameters = "parameters=[Parameter('a', 'DN', 0.0, 0.0, 9.0, 3.0)]"
     own = user_file(tmp_path, "return signal + a", parameters, stage="DIGITAL")
     sizes = []
-    for names in (["vignetting"], ["vignetting", str(own)]):
+    for names in (["vignetting"], ["hole_filling", str(own)]):
         assert main(["effect", "show", *names, "-o", str(tmp_path / "strip.png"), "--device", "cpu"]) == 0
         sizes.append(Image.open(tmp_path / "strip.png").size)
     said = capsys.readouterr().out
     assert "mine: changes the picture by 3 DN" in said
+    assert re.search(r"hole_filling: changes the picture by 0 px .*; \d+ pixels filled", said), said
     assert sizes[1][0] == sizes[0][0] and sizes[1][1] == pytest.approx(2 * sizes[0][1], abs=2)
 
 
