@@ -28,6 +28,9 @@ def main():
     from suite_sets import items
 
     todo = [item for item in items(args.set, args.generation) if is_wanted(item, args.only)][: args.limit]
+    if args.only and not todo:
+        told = f"no test case of the set '{args.set}' has such an id or hides such an effect"
+        sys.exit(f"--only {' '.join(args.only)}: {told}")
     waiting = [item for item in todo if not (args.out / "answers" / item.id / "run.json").is_file()]
     print(f"{args.set}: {len(todo)} test cases, {len(todo) - len(waiting)} answered already")
     _run_all(waiting, args)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from activestereo.cli import main
 from room_worlds import BASELINE_M, CX, CY, F, Room
-from run_suite import is_wanted
+from run_suite import is_wanted, main as run_suite
 from suite_score import Result, median, rate, score
 from suite_sets import ALL, items
 
@@ -70,6 +70,14 @@ def test_other_generations_are_other_cases_of_the_same_kinds():
     assert own[0].seed == codes[own[0].set] * 100_000 + own[0].number
     assert is_wanted(own[0], None) and is_wanted(own[0], [own[0].id]) and not is_wanted(own[0], ["no such effect"])
     assert [i.id for i in items("single") if is_wanted(i, ["haze"])] == [f"single-{k:03}" for k in (13, 52, 91, 130)]
+
+
+def test_an_only_without_a_match_is_an_error_with_the_ids(monkeypatch, tmp_path):
+    words = ["--set", "small", "--out", str(tmp_path / "out"), "--only", "none-999", "hase"]
+    monkeypatch.setattr(sys, "argv", ["run_suite.py", *words])
+    with pytest.raises(SystemExit, match="--only none-999 hase: no test case of the set 'small' has"):
+        run_suite()
+    assert not list(tmp_path.iterdir())
 
 
 def test_right_answers_score_one_and_faint_effects_are_not_asked_for():
