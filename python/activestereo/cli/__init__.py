@@ -196,7 +196,7 @@ def _missing(error: ImportError) -> str:
     """Returns a line on a missing module, with the command that installs the module if it is known."""
     name = (error.name or "").partition(".")[0]
     if name in doctor.PACKAGES:
-        return f"{error}: pip install 'activestereo[{doctor.PACKAGES[name]}]'"
+        return f'{error}: pip install "activestereo[{doctor.PACKAGES[name]}]"'
     is_built = name in ("activestereo", "kuafu", "simsense")
     return f"{error}; build first: bash examples/quickstart.sh" if is_built else str(error)
 

@@ -211,7 +211,7 @@ def test_help_into_a_closed_pipe(build):
     [
         (IndexError("list index\nout of range"), "a fault of the program (IndexError in "),
         (MemoryError(), "out of memory"),
-        (ModuleNotFoundError("no cv2", name="cv2"), "pip install 'activestereo[lab]'"),
+        (ModuleNotFoundError("no cv2", name="cv2"), 'pip install "activestereo[lab]"'),
         (ModuleNotFoundError("no kuafu._kuafu", name="kuafu._kuafu"), "bash examples/quickstart.sh"),
     ],
 )
