@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.cli import arguments as cli
+from activestereo.common.accuracy import INVENTED
 from activestereo.common.progress_bar import ProgressBar, duration
 from activestereo.common.shown import counted
 from activestereo.report.screen import command, screen
@@ -112,7 +113,7 @@ def run(args: argparse.Namespace) -> None:
     notes += [f"{done.there} were there already"] if done.there else []
     if not done.missing:
         measured, invented = 100.0 * done.measured, 100.0 * done.invented
-        notes += [f"{measured:.1f} % of what is there is measured; {invented:.1f} % of the depths are invented"]
+        notes += [f"{measured:.1f} % of what is there is measured; {invented:.1f} % of the depths are {INVENTED}"]
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.also and not done.missing:

@@ -18,7 +18,7 @@ from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, StereoDe
 from activestereo.capture.capture import Frame, read_capture
 from activestereo.cli import arguments as cli
 from activestereo.cli import sensor_options as options
-from activestereo.common.accuracy import NOTHING, Accuracy, accuracy_by_material, accuracy_table
+from activestereo.common.accuracy import INVENTED, NOTHING, Accuracy, accuracy_by_material, accuracy_table
 from activestereo.common.output_files import write_depth_png, write_json, write_ply, write_png, written_together
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
@@ -369,7 +369,7 @@ def depth_sentence(name: str, rows: Sequence[Accuracy]) -> str:
     if not whole.pixels:
         return f"{name}: nothing is in the sensor's range."
     error = "" if not np.isfinite(whole.median_error_m) else f", median error {1e3 * whole.median_error_m:.1f} mm"
-    return f"{name}: {_percent(whole.fill)} of the pixels have depth{error}; {_percent(whole.invented)} are invented."
+    return f"{name}: {_percent(whole.fill)} of the pixels have depth{error}; {_percent(whole.invented)} are {INVENTED}."
 
 
 def failing(rows: Sequence[Accuracy]) -> list[Figure]:

@@ -8,6 +8,7 @@ import numpy as np
 
 NOTHING, NAMELESS = "nothing there", "unnamed material"
 INVENTED_SHARE = 0.05  # of the true depth
+INVENTED = f"invented: of nothing, or off by more than {100.0 * INVENTED_SHARE:g} %"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from activestereo.capture.images import write_gray
 from activestereo.cli import main
 from activestereo.cli.arguments import EXIT_CODES, Parser
-from activestereo.cli.simulate import failing
+from activestereo.cli.simulate import depth_sentence, failing
 from activestereo.common.accuracy import NOTHING, Accuracy
 from activestereo.common.own_files import outside_allowed
 from activestereo.report.screen import Figure, command, screen
@@ -135,6 +135,7 @@ def test_a_material_without_any_depth_leads_and_the_background_is_none():
     background, whole = Accuracy(NOTHING, 9000, 0.0, np.nan, np.nan, 0.0), Accuracy("all", 5900, 0.8, 1e-3, 2e-3, 0.0)
     told = failing([paper, mirror, background, whole])
     assert [figure.name for figure in told] == ["mirror", "paper"]
+    assert depth_sentence("a D435", [whole]).endswith("0 % are invented: of nothing, or off by more than 5 %.")
     assert told[0].said == "100 % empty, 0 % invented" and told[1].said.endswith("1.0 mm")
 
 
