@@ -23,7 +23,7 @@ where the model fails. Where the pattern, the geometry or the order of the camer
 one than the files say, that is the first line: nothing below it means anything then.
 
 Writes into DIR:
-  compare.json  all figures (documented in report/schema/compare.schema.json)
+  compare.json  all figures (compare.schema.json of the package activestereo.report)
   report.html   the same on one page, to explore in a browser: every frame and camera,
                 measured and modelled; it needs no other file and no network. A
                 diagnose.json in DIR is shown too, with what each effect leaves

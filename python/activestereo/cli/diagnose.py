@@ -50,7 +50,7 @@ examples:
   activestereo diagnose captures/table --out out/diagnosis
   activestereo diagnose captures/table --effects mine.py --out out/2
 
-Every number that decides: python/activestereo/diagnose/README.md.
+Every number that decides: numbers.py of the package activestereo.diagnose.
 """
 
 

@@ -60,7 +60,7 @@ def add_parser(commands: cli.Commands) -> None:
     check = cli.add_command(actions, "check", "try the laws, and columns against the sensor", _CHECK, run_check)
     check.add_argument("effects", nargs="*", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     check.add_argument("--all", action="store_true", help="all built-in effects")
-    text = "differences as JSON; python/activestereo/effects/differences.json is the page's"
+    text = "the differences from the sensor, as JSON"
     check.add_argument("-o", "--out", type=Path, metavar="FILE", help=text)
     cli.add_shared(check, device=True, json=True)
     show = cli.add_command(actions, "show", "draw what an effect does", _SHOW, run_show)

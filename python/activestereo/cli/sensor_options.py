@@ -123,15 +123,16 @@ def matching_line(engine: simsense.Engine) -> str:
     return f"matching: disparities {first}..{last}, {windows}, {penalties}, {checks}, {depths}"
 
 
-_MORE = "may be given several times; capi/generation/reference.md has all"
+_MORE = "may be given several times; in Python {} has all"
 
 
 def add_records(group: argparse._ArgumentGroup) -> None:
     text = "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of "
-    text += f"simsense_signal; {_MORE}"
+    text += "theirs; "
+    text += _MORE.format("simsense.signal_preset('neutral')")
     group.add_argument("--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=text)
     for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
-        text = f"a field of the {whose} optics, as psf_sigma_px=0.7 (kuafu.Optics); {_MORE}"
+        text = f"a field of the {whose} optics, as psf_sigma_px=0.7; {_MORE.format('help(kuafu.Optics)')}"
         group.add_argument(f"--{camera}-optics", action="append", default=[], type=_field, metavar="NAME=X", help=text)
 
 
