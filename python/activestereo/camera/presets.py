@@ -256,7 +256,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, StereoDepthSensorConfig):
             return NotImplemented
-        return not self._differing(other)
+        return not self.differing(other)
 
     def __repr__(self) -> str:
         """Shows the model and the fields that differ from its defaults."""
@@ -265,7 +265,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
         except ValueError:  # the path of a user's file
             return f"<StereoDepthSensorConfig of '{self.model}', {self.ir_resolution[0]}x{self.ir_resolution[1]}>"
         changed = [repr(self.model)]
-        for name in self._differing(base):
+        for name in self.differing(base):
             value = getattr(self, name)
             if isinstance(value, np.ndarray):
                 value = value.tolist() if value.size <= 9 else f"<{value.dtype} {list(value.shape)}>"
@@ -274,7 +274,7 @@ class StereoDepthSensorConfig(MatcherFields, RenderFields):
                 changed.append(f"{name}={value!r}")
         return f"StereoDepthSensorConfig({', '.join(changed)})"
 
-    def _differing(self, other: StereoDepthSensorConfig) -> list[str]:
+    def differing(self, other: StereoDepthSensorConfig) -> list[str]:
         """Lists the fields whose values differ from those of `other`."""
         names = []
         for name in self._FIELDS:

@@ -20,6 +20,7 @@ from activestereo.camera.plan import SensorPlan, matcher_parameters, plan_of, si
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.capture.capture import SIDES
 from activestereo.common.limits import TEMPERATURE, TIME
+from activestereo.common.parameter import MATCHER
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
 from activestereo.common.shown import unknown
@@ -32,6 +33,10 @@ from activestereo.sensor.image_effects import ImageEffects, ModelCostWarning
 from activestereo.sensor.mounts import HasPose, RigPlace, as_mount
 from activestereo.sensor.pictures import checked_radiance, dn_per_radiance
 from activestereo.sensor.results import CAMERAS, SensorResults
+
+_CHANGEABLE = {parameter.name for parameter in MATCHER} | {
+    "noise_seed", "ir_signal", "ir_speckle_noise", "ir_thermal_noise", "ir_responsivity_dn", "ir_black_level_dn",
+}  # fmt: skip
 
 
 class StereoDepthSensor(SensorResults):
@@ -207,16 +212,21 @@ class StereoDepthSensor(SensorResults):
     # ---- parameters ----
 
     def change(self, **changes: Any) -> None:
-        """Changes those fields of the configuration that the matcher and the noise depend on. Setting ir_speckle_noise
-        or ir_thermal_noise removes ir_signal, so that SAPIEN's noise applies. An invalid value raises ValueError;
-        nothing has changed then."""
-        config = self.get_config()
+        """Changes fields of the configuration that the matcher or the noise depends on. Setting ir_speckle_noise or
+        ir_thermal_noise removes ir_signal, so that SAPIEN's noise applies. Raises ValueError for an invalid value, and
+        for fields that pictures depend on; nothing has changed then."""
+        before, config = self.get_config(), self.get_config()
         if not {"ir_speckle_noise", "ir_thermal_noise"}.isdisjoint(changes):
             config.ir_signal = None
         for name, value in changes.items():
             setattr(config, name, value)
+        if fixed := [name for name in config.differing(before) if name not in _CHANGEABLE]:
+            raise ValueError(f"{', '.join(fixed)} of a sensor cannot change: make a new sensor")
         config.check()
-        self._engine.set(matcher_parameters(config), signal_parameters(config))
+        matcher = matcher_parameters(config)
+        if config.noise_seed != before.noise_seed:
+            matcher["noise_seed"] = config.noise_seed
+        self._engine.set(matcher, signal_parameters(config))
         self._config = config
 
     # ---- inside ----

@@ -198,6 +198,25 @@ def test_setters_reach_the_engine_and_bad_values_change_nothing(small_config):
     assert sensor.get_config().p1 == 5 and sensor.get_config().ir_speckle_noise == 0.0
 
 
+def test_a_new_noise_seed_reaches_the_images(small_config):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    before = with_depth(sensor).get_ir_measured()[0].copy()
+    sensor.change(noise_seed=small_config.noise_seed + 1)
+    sensor.compute_depth()
+    assert (sensor.get_ir_measured()[0] != before).mean() > 0.1
+
+
+@pytest.mark.parametrize(
+    "change", [{"laser_power_mw": 30.0}, {"emitter": "off"}, {"ir_camera_exposure": 1e-4}, {"samples_per_pixel": 99}]
+)
+def test_what_pictures_depend_on_cannot_change(small_config, change):
+    sensor = StereoDepthSensor(small_config, wall_scene(1.0))
+    (name,) = change
+    with pytest.raises(ValueError, match=f"{name} of a sensor cannot change"):
+        sensor.change(**change)
+    assert sensor.get_config() == small_config
+
+
 def test_either_factor_of_the_noise_takes_the_place_of_an_imager(small_config):
     small_config.ir_signal = "d435"
     sensor = StereoDepthSensor(small_config, wall_scene(1.0))
