@@ -100,6 +100,15 @@ def camera_names() -> list[str]:
 def read_camera(name: str | Path) -> CameraData:
     """Reads a camera's data by its name (in any case) or the path of a .toml file. Raises ValueError with the figure
     and its fault."""
+    return _read(_file_of(name), _LONGEST_CHAIN)
+
+
+def camera_titles() -> list[str]:
+    """Lists the known cameras by the name in their files."""
+    return [read_toml(FOLDER / f"{name}.toml")["name"] for name in camera_names()]
+
+
+def _file_of(name: str | Path) -> Path:
     path = FOLDER / f"{str(name).lower()}.toml"
     if path.stem not in camera_names() or "/" in str(name):
         path = Path(name)
@@ -108,12 +117,7 @@ def read_camera(name: str | Path) -> CameraData:
             known = f"known: {', '.join(titles)}, or the path of a .toml file"
             told = f"'{name}'" if exists(name) else shown(str(name))
             raise ValueError(f"unknown sensor {told} ({known}){did_you_mean(name, titles)}")
-    return _read(path, _LONGEST_CHAIN)
-
-
-def camera_titles() -> list[str]:
-    """Lists the known cameras by the name in their files."""
-    return [read_toml(FOLDER / f"{name}.toml")["name"] for name in camera_names()]
+    return path
 
 
 def _read(path: Path, chain: int) -> CameraData:
@@ -126,11 +130,11 @@ def _read(path: Path, chain: int) -> CameraData:
     figures: dict[str, dict[str, Figure]] = {section: {} for section in FIELDS}
     base = content.pop("based_on", None)
     if base is not None:
-        places = (folder / f"{base}.toml" for folder in (path.parent, FOLDER))
-        beside = next((place for place in places if isfile(place)), None)
-        if beside is None:
-            known = ", ".join(camera_names())
-            raise ValueError(f"{path}: based_on: is {shown(base)}, expected a file beside it, or one of {known}")
+        beside = path.parent / f"{base}.toml"
+        try:
+            beside = beside if isfile(beside) else _file_of(str(base))
+        except ValueError as error:
+            raise ValueError(f"{path}: based_on: {error}") from None
         figures = {section: dict(entries) for section, entries in _read(beside, chain - 1).figures.items()}
     texts = {key: content.pop(key, None) for key in ("name", "title")}
     for key, text in texts.items():

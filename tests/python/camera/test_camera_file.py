@@ -37,9 +37,10 @@ def test_the_asked_cameras_are_there_and_make_configurations():
     assert steps == {"sapien-D415": 0, "D415": 1.75, "D435": 1.75}
 
 
-def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path):
+@pytest.mark.parametrize("based", [BASE, BASE.replace("d435", "D435")], ids=["lower case", "as listed"])
+def test_a_file_of_ones_own_changes_what_it_tells_and_keeps_the_rest(tmp_path, based):
     path = tmp_path / "mine.toml"
-    path.write_text(BASE + '[imager]\nblack_level_dn = { value = 30, basis = "measured", source = "lens covered" }\n')
+    path.write_text(based + '[imager]\nblack_level_dn = { value = 30, basis = "measured", source = "lens covered" }\n')
     mine, base = StereoDepthSensorConfig(path), StereoDepthSensorConfig("D435")
     assert (mine.model, mine.ir_black_level_dn) == ("mine", 30)
     assert mine.ir_signal == base.ir_signal and mine.ir_resolution == base.ir_resolution
@@ -61,8 +62,8 @@ WRONG = {
     "count": (BASE + f"[rig]\nir_resolution = {{ value = [1], {HERE} }}\n", "expected 2 numbers"),
     "choice": (BASE + f'[exposure]\nmode = {{ value = "auto", {HERE} }}\n', "'auto', expected one of 'fixed'"),
     "name": ('title = "x"\nbased_on = "d435"\n', "name: is None"),
-    "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "mine.toml: based_on: is 'd999', expected"),
-    "long base": (f'based_on = "{1_000_000 * "x"}"\n', "based_on: is 'xxx"),
+    "base": ('name = "x"\ntitle = "x"\nbased_on = "d999"\n', "mine.toml: based_on: unknown sensor 'd999' (known: D405"),
+    "long base": (f'based_on = "{1_000_000 * "x"}"\n', "based_on: unknown sensor 'xxx"),
     "long section": (BASE + f"[{1_000_000 * 'x'}]\n", "xxx' is no section"),
     "circle": ('name = "x"\ntitle = "x"\nbased_on = "mine"\n', "in a circle"),
     "incomplete": ('name = "x"\ntitle = "x"\n', "rig.rgb_resolution is missing"),
