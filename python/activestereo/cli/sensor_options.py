@@ -156,12 +156,16 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
         for name, value in args.ir_signal:
             if value is None:
                 signal = simsense.signal_preset(name)
-            elif name in neutral and not isinstance(value, list):
-                signal[name] = value
-            else:
+            elif name not in neutral or isinstance(value, list):
                 raise cli.CommandError(
                     f"--ir-signal {name}: an imager's fields are {', '.join(neutral)}, each one number"
                 )
+            elif name == "exposure_s":
+                raise cli.CommandError("--ir-signal exposure_s: --ir-exposure states it")
+            elif name == "black_level_dn":  # the sensor adds the configuration's to the signal's
+                config.ir_black_level_dn = value - signal.get(name, 0.0)
+            else:
+                signal[name] = value
         config.ir_signal = signal
     for name, fields in (("ir_optics", args.ir_optics), ("rgb_optics", args.rgb_optics)):
         for field, value in fields:

@@ -16,7 +16,7 @@ from activestereo.cli.arguments import CommandError
 from activestereo.cli.sensor_options import given_parameters
 from activestereo.cli.simulate import make_config
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, Parameter
-from activestereo.camera.plan import matcher_parameters, parameters
+from activestereo.camera.plan import matcher_parameters, parameters, signal_parameters
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
@@ -137,6 +137,12 @@ def test_fields_of_optics_and_imagers_are_options() -> None:
     assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
 
 
+@pytest.mark.parametrize("preset", [(), ("--ir-signal", "paper-d415")])
+def test_a_stated_black_level_is_that_of_the_images(preset: tuple[str, ...]) -> None:
+    config = make_config(parse("simulate", *preset, "--ir-signal", "black_level_dn=40"))
+    assert signal_parameters(config)["black_level_dn"] == pytest.approx(40.0)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -145,6 +151,8 @@ def test_fields_of_optics_and_imagers_are_options() -> None:
         (("--rgb-optics", "psf_sigma_px=1,2"), "expected a finite number"),
         (("--ir-signal", "read_noise=2"), "read_noise_e"),
         (("--ir-signal", "d400"), "d435"),
+        (("--ir-signal", "exposure_s=0.01"), "--ir-exposure states it"),
+        (("--ir-signal", "black_level_dn=80"), "expected more than the black level, 80"),
     ],
 )
 def test_a_field_that_no_record_has_is_refused(options: tuple[str, ...], words: str) -> None:
