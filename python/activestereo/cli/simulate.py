@@ -74,6 +74,8 @@ _OF_THE_CAMERA = dict.fromkeys(OF_THE_CAMERA, "the camera's")
 # Below this share of the projector in the infrared light at the dots, depth is coarser. (In the example scene of
 # 300 lux it is a sixth; the projector's share of all pixels' light is a twenty-fifth.)
 LEAST_SHARE = 0.05
+# Above this share of pixels at full scale an image is overexposed. (A real D435's has 4.8 %: examples/real_pair.)
+MOST_FULL = 0.1
 _MOST_NAMED = 3
 _MOST_MATERIALS = 3
 
@@ -335,6 +337,7 @@ def _report(
     share, unseen = light_share(sensor), unseen_bodies(sensor)
     if sensor.get_config().light_pattern is not None and any(row.pixels for row in rows):
         warn_of_light(share)
+    warn_of_full_pixels(sensor.get_ir_measured()[0], 2 ** int(sensor.plan.signal["bit_depth"]) - 1)
     summary = sensor.scene.summary
     size_m = float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m)))
     warn_of_unseen(unseen, summary.instance_count, size_m)
@@ -403,6 +406,12 @@ def warn_of_light(share: LightShare | None) -> None:
         return
     light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
     _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
+
+
+def warn_of_full_pixels(counts: np.ndarray, full_dn: int) -> None:
+    """Warns on stderr if much of the infrared image `counts` is at full scale, full_dn, where no dot is seen."""
+    if (full := float((counts >= full_dn).mean())) > MOST_FULL:
+        _say(f"{_percent(full)} of the left infrared image is at full scale: give a shorter --ir-exposure")
 
 
 def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:

@@ -86,6 +86,12 @@ def test_the_lamp_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: 
     assert all("'floodlight' gives 100 %" in line for line in said)
 
 
+@pytest.mark.parametrize(("exposure_s", "is_full"), [("0.005", False), ("0.5", True)])
+def test_an_overexposed_pair_is_told(run, tmp_path: Path, exposure_s: str, is_full: bool) -> None:
+    told = run("simulate", _room(tmp_path / "a.glb", 0.1), *_QUICK, "--ir-exposure", exposure_s, "--out", tmp_path)
+    assert ("of the left infrared image is at full scale" in told.stderr) == is_full
+
+
 def test_a_scene_without_light_is_a_room(run, tmp_path: Path) -> None:
     room = _room(tmp_path / "a.glb", None)
     lit = run("simulate", room, *_QUICK, "--out", tmp_path / "lit").stdout
