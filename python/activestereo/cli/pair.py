@@ -68,6 +68,8 @@ def run(args: argparse.Namespace) -> None:
 def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.ndarray:
     """Reads --device-depth as disparity in pixels of the left image, 0 = none. shape: the left image's."""
     depth = read_gray(args.device_depth, key="depth")
+    if depth.dtype != np.uint16:
+        raise cli.CommandError(f"{args.device_depth} has 8 bits, depth has 16: is it a picture?")
     step = shape[0] // depth.shape[0] if depth.shape[0] else 0
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:
         sizes = f"{depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}"

@@ -72,6 +72,8 @@ def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     write_gray(tmp_path / "depth.png", np.zeros((7, 11), np.uint16))
     assert main([*arguments, "--device-depth", str(tmp_path / "depth.png"), "--out", str(tmp_path / "out")]) == 2
     assert "not a whole number of times smaller" in capsys.readouterr().err
+    assert main([*arguments, "--device-depth", images[0], "--out", str(tmp_path / "out")]) == 2
+    assert "left.png has 8 bits" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*arguments, "--depth-scale", "0", "--out", str(tmp_path / "out")])
     assert "a number above 0" in capsys.readouterr().err
