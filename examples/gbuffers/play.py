@@ -5,6 +5,8 @@ PYTHONPATH=build/python python3 examples/gbuffers/play.py newton mujoco_warp muj
 """
 
 import argparse
+import os
+import sys
 from pathlib import Path
 
 import kuafu
@@ -16,6 +18,7 @@ from activestereo.integrations.gbuffers.pinhole import centred, vertical_fov_deg
 from activestereo.report.pictures import labelled_figure
 from activestereo.report.lettering import write_figure
 
+os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo's own default needs a display
 CONFIG = centred(StereoDepthSensorConfig("D435").resized(212, 120, fov=60))
 EYE, TARGET = np.array([-0.6, 0.0, 0.45]), np.array([0.05, 0.0, 0.03])
 NEAR_FAR_M = (0.4, 1.6)
@@ -142,7 +145,10 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/gbuffers.png"))
     options, pictures = parser.parse_args(), []
     for simulator in options.simulators:
-        row, share = run(simulator)
+        try:
+            row, share = run(simulator)
+        except ModuleNotFoundError as error:
+            sys.exit(f"{simulator}: this example needs the package {error.name}")
         pictures += row
         print(f"{simulator}: {100 * share:.1f} % measured")
     options.out.parent.mkdir(parents=True, exist_ok=True)

@@ -23,7 +23,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.camera.presets import StereoDepthSensorConfig, own_config
+from activestereo.camera.presets import FIELD_OF_VIEW, StereoDepthSensorConfig, own_config
 from activestereo.integrations.gbuffers.pinhole import fitted
 from activestereo.sensor.gbuffer.stereo import GBufferStereo
 
@@ -59,8 +59,11 @@ class StereoDepth(gymnasium.ObservationWrapper):
             raise ValueError("rendered depth has the size of the colour image: give color, too")
         given = self._depth if rendered is None or self._color is None else self._color
         shape = _entry(env.observation_space, given).shape
+        if self._color is not None:
+            _entry(env.observation_space, self._color)
         self._shape = shape if rendered is None else (*shape[:2], 1)
         height, width = shape[:2]
+        FIELD_OF_VIEW.check("fovy_deg", fovy_deg)
         fovx_deg = float(np.rad2deg(2.0 * np.arctan(np.tan(np.deg2rad(fovy_deg) / 2.0) * width / height)))
         config = fitted(own_config(camera), width, height, fovx_deg, supersampling)
         self._sensor, self._finer = GBufferStereo(config, supersampling=supersampling), supersampling

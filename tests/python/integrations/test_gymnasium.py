@@ -133,6 +133,10 @@ def test_finer_images_are_measured_by_a_coarser_sensor():
 def test_a_missing_key_is_named():
     with pytest.raises(ValueError, match="has no pixels/deep: in place of 'deep' it has .*depth"):
         StereoDepth(Wall(), ("pixels", "deep"))
+    with pytest.raises(ValueError, match="has no pixels/paint"):
+        StereoDepth(Wall(), ("pixels", "depth"), color=("pixels", "paint"))
+    with pytest.raises(ValueError, match="fovy_deg is 200"):
+        StereoDepth(Wall(), ("pixels", "depth"), fovy_deg=200.0)
 
 
 def test_lerobots_own_libero_is_measured():
