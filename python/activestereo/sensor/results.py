@@ -199,7 +199,7 @@ class SensorResults(ABC):
 
     def _check_depth_map(self, name: str) -> None:
         if name not in self._depth_maps:
-            hint = did_you_mean(name, self._depth_maps)
+            hint = ": name it there" if name in DEPTH_MAPS else did_you_mean(name, DEPTH_MAPS)
             raise ValueError(f"'{name}' is none of the config's depth_maps {self._depth_maps}{hint}")
 
     def get_cuda(self, name: str) -> CudaArray:

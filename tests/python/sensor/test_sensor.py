@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """StereoDepthSensor in front of the example scene, at half resolution, and in scenes made for one question."""
 
+import re
 import os
 
 import numpy as np
@@ -148,6 +149,14 @@ def test_a_mount_without_scene_or_pose_is_told(small_config):
         Mount(wall_scene(0.9), None)
     with pytest.raises(TypeError, match="must be a kuafu.Scene, not str"):
         Mount("scene.gltf")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("reason", "config's depth_maps (): name it there"), ("reasn", "did you mean 'reason'?")]
+)
+def test_a_map_that_the_configuration_lacks_is_refused_with_the_remedy(small_config, name, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        StereoDepthSensor(small_config, wall_scene(1.0)).get_depth_map(name)
 
 
 def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
