@@ -141,24 +141,29 @@ def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.n
 
 
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
-    """Returns all parameters of both infrared imagers at gain 1: ir_signal's, or SAPIEN's noise if that is None. The
-    configuration's responsivity and black level are included."""
-    signal = config.ir_signal
-    if isinstance(signal, str):
-        signal = simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
-    if signal is None:
-        speckle = config.ir_speckle_noise
-        signal = {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
-        if speckle != 0:
-            signal = {
-                "speckle_shape": SPECKLE_SHAPE / speckle,
-                "speckle_scale": speckle / SPECKLE_SHAPE,
-                "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
-            }
-    signal = simsense.signal_preset("neutral") | signal
+    """Returns all parameters of both infrared imagers at gain 1. The configuration's responsivity and black level are
+    included."""
+    signal = simsense.signal_preset("neutral") | stated_signal(config)
     signal["responsivity_e"] *= config.ir_responsivity_dn
     signal["black_level_dn"] += config.ir_black_level_dn
     return signal
+
+
+def stated_signal(config: StereoDepthSensorConfig) -> dict[str, float]:
+    """Returns the parameters of ir_signal, or those of SAPIEN's noise if that is None; others are neutral."""
+    signal = config.ir_signal
+    if isinstance(signal, str):
+        return simsense.signal_preset(signal)  # type: ignore[arg-type]  # the engine knows them, and says so
+    if signal is not None:
+        return dict(signal)
+    speckle = config.ir_speckle_noise
+    if speckle == 0:
+        return {"speckle_shape": 0.0, "speckle_scale": 0.0, "adc_noise_dn": 0.0}
+    return {
+        "speckle_shape": SPECKLE_SHAPE / speckle,
+        "speckle_scale": speckle / SPECKLE_SHAPE,
+        "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
+    }
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:

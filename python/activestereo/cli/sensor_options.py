@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import simsense
+from activestereo.camera.plan import stated_signal
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_png
@@ -151,8 +152,7 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
     """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration; other fields keep
     their values."""
     if args.ir_signal:
-        own, neutral = config.ir_signal, simsense.signal_preset("neutral")
-        signal = simsense.signal_preset(own) if isinstance(own, str) else dict(own or {})  # type: ignore[arg-type]
+        signal, neutral = stated_signal(config), simsense.signal_preset("neutral")
         for name, value in args.ir_signal:
             if value is None:
                 signal = simsense.signal_preset(name)

@@ -137,6 +137,14 @@ def test_fields_of_optics_and_imagers_are_options() -> None:
     assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
 
 
+@pytest.mark.parametrize("sensor", ["D435", "sapien-D435"])
+def test_a_field_of_an_imager_leaves_the_others_as_they_are(sensor: str) -> None:
+    usual = signal_parameters(StereoDepthSensorConfig(sensor))
+    assert usual["speckle_shape"] > 0.0
+    config = make_config(parse("simulate", "--sensor", sensor, "--ir-signal", "read_noise_e=2"))
+    assert signal_parameters(config) == usual | {"read_noise_e": 2}
+
+
 @pytest.mark.parametrize("preset", [(), ("--ir-signal", "paper-d415")])
 def test_a_stated_black_level_is_that_of_the_images(preset: tuple[str, ...]) -> None:
     config = make_config(parse("simulate", *preset, "--ir-signal", "black_level_dn=40"))
