@@ -90,6 +90,12 @@ def test_images_of_the_right_camera_are_a_mapping(config, right):
         GBufferStereo(config)(**wall(config, 0.6), right=right)
 
 
+def test_a_misspelt_right_image_is_refused(config):
+    given = wall(config, 0.6)
+    with pytest.raises(ValueError, match="unknown right image 'normals' .*did you mean 'normal'"):
+        GBufferStereo(config)(**given, right=given | {"normals": given["depth"]})
+
+
 def test_what_is_found_on_cuda_has_the_bits_of_the_hosts(config, monkeypatch, stub_cuda):
     device = kuafu.Device("cpu")
     stub_for(device, stub_cuda, monkeypatch)

@@ -314,6 +314,9 @@ class GBufferStereo:
         if right is not None:
             if not isinstance(right, Mapping):
                 raise ValueError(f"right is {shown(right)}, expected a mapping of its images: {', '.join(_IMAGES)}")
+            for image in right:
+                if image not in _IMAGES:
+                    raise ValueError(unknown("right image", image, _IMAGES))
             self._require(right, "right ")
             other = self._views[1].put({name: right.get(name) for name in _IMAGES})
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
