@@ -114,8 +114,8 @@ def _fields(entry: JsonObject, known: dict[str, tuple[str, float, float]]) -> di
 
 
 def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -> Quantity:
-    """Reads a number or an object of value, low, high and source. Raises CaptureError for one of them outside low..high
-    and for a value outside its own interval."""
+    """Reads a number or an object of value, low, high and source. Raises CaptureError for a value outside low..high
+    or its own interval."""
     plain = entry.plain(key)
     if not isinstance(plain, dict):
         value, ends, source = entry.number(key), (None, None), ""
@@ -123,9 +123,8 @@ def _quantity(entry: JsonObject, key: str, unit: str, low: float, high: float) -
         inner = entry.object(key)
         value, ends = inner.number("value"), (inner.number("low", optional=True), inner.number("high", optional=True))
         source = _source(inner)
-    for part, number in ((key, value), (f"{key}.low", ends[0]), (f"{key}.high", ends[1])):
-        if number is not None and not low <= number <= high:
-            entry.fail(part, f"is {number:g} {unit}, outside {low:g}..{high:g}: give a number between them")
+    if not low <= value <= high:
+        entry.fail(key, f"is {value:g} {unit}, outside {low:g}..{high:g}")
     rising = [number for number in (ends[0], value, ends[1]) if number is not None]
     if rising != sorted(rising):
         entry.fail(key, f"is {value:g} {unit}, outside of its interval, low = {ends[0]} to high = {ends[1]}")
