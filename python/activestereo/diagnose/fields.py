@@ -195,21 +195,17 @@ def field_parameters(effect: Effect, fit: FieldFit, binning: int = 1) -> dict[st
 
 def fields_of(
     effects: Iterable[Effect], rows: Sequence[ImageResidual], black_dn: float, numbers: Numbers, least: float = 0.0
-) -> dict[str, tuple[float, FieldFit]]:
-    """Fits the random fields of effects, whose draws other frames predict. Returns {effect: (share of chi2 that the
-    predicted draws explain, the fit)} where that share exceeds `least`. Fields that last only while the rig stands
-    still are skipped unless residuals are uncorrelated between neighbouring pixels. black_dn: the black level."""
+) -> dict[str, FieldFit]:
+    """Fits the random fields of effects, whose draws other frames predict. Returns {effect: the fit} where it explains
+    more than a share `least` of chi2. Fields that last only while the rig stands still are skipped unless residuals are
+    uncorrelated between neighbouring pixels. black_dn: the black level."""
     chosen = [effect for effect in effects if effect.channel is Channel.STATIC_FIELD]
     if not chosen:
         return {}
-    is_white, out, curves = _is_white(rows, numbers.neighbours), {}, [level_means(row) for row in rows]
-    for effect in chosen:
-        if not is_white and any(term.shared_by is SharedBy.VIEW for term in effect.random_terms):
-            continue
-        fit = fit_fields(effect, rows, curves, black_dn, numbers, least)
-        if fit is not None:
-            out[effect.id] = fit.explained, fit
-    return out
+    is_white, curves = _is_white(rows, numbers.neighbours), [level_means(row) for row in rows]
+    judged = (e for e in chosen if is_white or all(term.shared_by is not SharedBy.VIEW for term in e.random_terms))
+    fits = ((e.id, fit_fields(e, rows, curves, black_dn, numbers, least)) for e in judged)
+    return {name: fit for name, fit in fits if fit is not None}
 
 
 def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:

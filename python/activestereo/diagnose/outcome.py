@@ -14,8 +14,6 @@ from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect
 from activestereo.effects.core.descriptor import Lever, SharedBy
 
-Fields = dict[str, tuple[float, FieldFit]]
-
 
 @dataclass(frozen=True)
 class Round:
@@ -25,7 +23,7 @@ class Round:
     chi2."""
 
     candidates: dict[str, Candidate]
-    fields: Fields
+    fields: dict[str, FieldFit]
     chi2: float
     floor: float
     structure: float

@@ -147,7 +147,7 @@ def judging_of(outcome: Outcome) -> dict[str, Any]:
             "floor": seen.floor, "structure": seen.structure, "gain": seen.gain, "chance": seen.chance,
             "lines": {name: c.gain / seen.chi2 for name, c in list(seen.candidates.items())[:_SHOWN]},
             "fits": {name: f.chi2 / seen.chi2 for name, f in seen.fits.items()},
-            "draws": {name: share for name, (share, _) in seen.fields.items()},
+            "draws": {name: fit.explained for name, fit in seen.fields.items()},
         }
         for seen in outcome.rounds
     ]  # fmt: skip

@@ -22,7 +22,7 @@ from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, mean_square
 from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
-from activestereo.diagnose.outcome import Fields, Name, Outcome, Round, takes_any_light
+from activestereo.diagnose.outcome import Name, Outcome, Round, takes_any_light
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.refit import (
     SETTLING,
@@ -178,7 +178,7 @@ class Search:
             for text in own_ranks(found, self._chi2):
                 self._settings.says(text)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
-        fields: Fields = {}
+        fields: dict[str, FieldFit] = {}
         if by_line < _CLEAR * floor or self._names:
             unnamed = filter(self._is_open, self._effects)
             least = _MINOR * floor / self._chi2
@@ -187,11 +187,11 @@ class Search:
         # images of one camera share. Outliers stand above it.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
         fields = {
-            name: f
-            for name, f in fields.items()
-            if f[0] * self._chi2 > drawn * self._pixels or is_sparse(self._effect(name))
+            name: fit
+            for name, fit in fields.items()
+            if fit.explained * self._chi2 > drawn * self._pixels or is_sparse(self._effect(name))
         }
-        by_draws = self._chi2 * max((share for share, _ in fields.values()), default=0.0)
+        by_draws = self._chi2 * max((fit.explained for fit in fields.values()), default=0.0)
         self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure))
         is_over = max(by_line, by_draws) < floor and not (is_rough and lost)
         if is_over or self._is_full():
@@ -205,11 +205,11 @@ class Search:
             fits |= self._fits([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
         now = self._rounds[-1] = replace(now, fits=fits)
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
-        for name, (share, _) in fields.items():
+        for name, drawn_fit in fields.items():
             # Draws leave no structure, unless neighbouring pixels share them.
             may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
-            if may_be and self._chi2 * share > self._missed([n.missed for n in self._names]):
-                left[name] = self._chi2 * (1.0 - share)
+            if may_be and self._chi2 * drawn_fit.explained > self._missed([n.missed for n in self._names]):
+                left[name] = self._chi2 * (1.0 - drawn_fit.explained)
         if not left:
             return False
         best = min(left, key=lambda name: left[name])
@@ -230,7 +230,7 @@ class Search:
             return False
         is_exact = name not in fits or fits[name].rendered
         missed = missed_share(effect, is_exact, numbers.formula_error)
-        field = fields[name][1] if name not in fits else None
+        field = fields[name] if name not in fits else None
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
         if named.field is not None:
@@ -283,13 +283,13 @@ class Search:
             drawn, at = self._draws[name.id], self._names.index(name)
             rows = [row._replace(residual=row.residual + drawn[row.observation.key]) for row in self._rows]
             black_dn = float(self._solution.phi[SCALES - 1])
-            share, field = fields_of([name.effect], rows, black_dn, self._numbers).get(name.id, (0.0, None))
+            field = fields_of([name.effect], rows, black_dn, self._numbers).get(name.id)
             self._take_draws(name, rows, field)
             if field is None:
                 del self._names[at]
                 self._needless.add(name.id)
             else:
-                gain = share / (1.0 - share) * self._chi2 / self._pixels
+                gain = field.explained / (1.0 - field.explained) * self._chi2 / self._pixels
                 self._names[at] = replace(name, field=field, gain=gain)
 
     def _widen_last_set(self, dictionary: Dictionary) -> None:
