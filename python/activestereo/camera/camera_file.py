@@ -110,7 +110,7 @@ def camera_titles() -> list[str]:
 
 def _file_of(name: str | Path) -> Path:
     path = FOLDER / f"{str(name).lower()}.toml"
-    if path.stem not in camera_names() or "/" in str(name):
+    if not isfile(path) or "/" in str(name):
         path = Path(name)
         if path.suffix != ".toml":
             titles = camera_titles()

@@ -13,7 +13,6 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from importlib import import_module
-from multiprocessing import active_children
 from pathlib import Path
 from typing import TextIO, cast
 
@@ -153,6 +152,8 @@ def _sigterm_as_ctrl_c() -> Iterator[None]:
     a handler of its own."""
 
     def end(*_: object) -> None:
+        from multiprocessing import active_children  # most commands start none
+
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # `timeout` sends it twice
         for process in active_children():
             process.terminate()

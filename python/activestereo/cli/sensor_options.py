@@ -129,8 +129,7 @@ _MORE = "may be given several times; in Python {} has all"
 
 def add_records(group: argparse._ArgumentGroup) -> None:
     text = "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of "
-    text += "theirs; "
-    text += _MORE.format("simsense.signal_preset('neutral')")
+    text += "theirs; " + _MORE.format("simsense.signal_preset('neutral')")
     group.add_argument("--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=text)
     for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
         text = f"a field of the {whose} optics, as psf_sigma_px=0.7; {_MORE.format('help(kuafu.Optics)')}"

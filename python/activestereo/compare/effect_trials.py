@@ -198,7 +198,8 @@ class EffectStrip:
 
     def rms(self) -> float:
         """Returns the root mean square change of the pixels that stay; 0 if there are none."""
-        return float(np.sqrt(np.sum(self.difference[self.stays] ** 2) / max(1, np.count_nonzero(self.stays))))
+        changes = self.difference[self.stays]
+        return float(np.sqrt(np.sum(changes**2) / max(1, changes.size)))
 
     def filled_and_lost(self) -> tuple[int, int]:
         """Returns how many pixels gain a depth, and how many lose theirs."""

@@ -248,9 +248,9 @@ class Search:
         for r in self._rounds[-1:]:
             close = {name for name, fit in r.fits.items() if 1.0 - fit.chi2 / r.chi2 > _NEAR_SWAP * r.gain > 0.0}
             for name, c in r.candidates.items():
-                is_kin = self._effect(name).family in families
+                effect = self._effect(name)
                 may_be = name in r.fits or (is_rough and c.gain > r.floor * r.chi2)
-                if self._is_open(self._effect(name)) and (name in close or (is_kin and may_be)):
+                if self._is_open(effect) and (name in close or (effect.family in families and may_be)):
                     found[name] = c
         return found
 
@@ -426,9 +426,10 @@ class Search:
         effect, values = most_like_rig(dictionary.linear, open_atoms, dictionary.columns)
         space = ParameterSpace.of(self._solution.model.with_effect(effect, **values))
         self._accept(self._fitter.refine(space, space.start, self._solution.phi, 0))
-        gain = self._without(effect.id).sums.total - self._chi2
         spared = prior - self._fitter.rig_penalty(self._solution)
-        if spared < by_chance or local_structure(self._rows) > self._structure or gain < self._floor(has_share=False):
+        is_spared = spared >= by_chance and local_structure(self._rows) <= self._structure
+        gain = self._without(effect.id).sums.total - self._chi2 if is_spared else 0.0
+        if gain < self._floor(has_share=False):
             vars(self).update(before)
             return False
         missed = missed_share(effect, False, self._numbers.formula_error)

@@ -59,7 +59,8 @@ def strip_ranges(strip: EffectStrip) -> tuple[float, float]:
     if any of them changes."""
     shown = lambda image: max(float(np.quantile(image, _SHOWN_QUANTILE)), 1e-6)  # noqa: E731
     change = np.abs(shown_change(strip)[0])
-    return shown(strip.without), shown(change[strip.stays] if change[strip.stays].any() else change)
+    lasting = change[strip.stays]
+    return shown(strip.without), shown(lasting if lasting.any() else change)
 
 
 def is_flat(strip: EffectStrip) -> bool:
