@@ -147,7 +147,7 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"{args.scene}: there is no such file")
     from activestereo.sensor.sensor import StereoDepthSensor
 
-    scene, added = _load_scene(args, config, is_lit)
+    scene, added = _load_scene(args, config, is_lit, set() if model is None else model.surfaces)
     if model is not None:
         warn_of_materials(model, scene)
     pose, chosen = _sensor_pose(args, scene, config, view)
@@ -225,10 +225,12 @@ def make_config(
 
 
 def _load_scene(
-    args: argparse.Namespace, config: StereoDepthSensorConfig, is_lit: bool
+    args: argparse.Namespace, config: StereoDepthSensorConfig, is_lit: bool, surfaces: set[str]
 ) -> tuple[kuafu.Scene, float | None]:
-    """Loads the scene file and lights it. is_lit: by the capture's light, which the configuration has. Returns (scene,
-    radiance): W/(sr m^2) of the uniform light that was added to a scene without light, None if none was added."""
+    """Loads the scene file and lights it. is_lit: by the capture's light, which the configuration has. surfaces: names
+    of those that the model's effects act on. Returns (scene, radiance): W/(sr m^2) of the uniform light that was added
+    to a scene without light, None if none was added."""
+    from activestereo.effects.core.surfaces import split_surfaces_named
     from activestereo.scene_io.scene_files import keep_transparent, load_scene_file
     from activestereo.scene_io.usd import is_usd
 
@@ -240,6 +242,7 @@ def _load_scene(
         raise cli.CommandError(f"--time {args.time:g}: {args.scene} has no animation")
     if not scene.summary.triangle_count:
         raise cli.CommandError(f"{args.scene}: there is nothing to see in it: no triangles")
+    split_surfaces_named(scene, args.scene, surfaces)  # the sensor is given no path
     if args.lamp is not None:
         set_infrared_share(scene, args.lamp)
     if is_lit:

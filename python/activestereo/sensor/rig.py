@@ -22,7 +22,7 @@ from activestereo.common.pose import Pose, camera_to_world, carried_twist
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, apply_engine
 from activestereo.effects.core.model import Model
-from activestereo.effects.core.surfaces import split_surfaces
+from activestereo.effects.core.surfaces import split_surfaces_named
 from activestereo.effects.engines.capture_inputs import (
     SceneMeasurement,
     bounds_around,
@@ -402,9 +402,8 @@ def _fit_model(
     if model is None:
         return Model(), SceneMeasurement(), None
     model = model if isinstance(model, SensorModel) else read_model(Path(model))
+    if isinstance(source, (str, PathLike)):
+        split_surfaces_named(scene, Path(source), model.surfaces)
     names = [scene.material_name(number) for number in range(scene.summary.material_count)]
-    if isinstance(source, (str, PathLike)) and not model.surfaces <= set(names):
-        split_surfaces(scene, Path(source))
-        names = [scene.material_name(number) for number in range(scene.summary.material_count)]
     ambient = model.nuisances.get("ambient_scale")
     return model.bound(names), model.scene_measurement(names), None if ambient is None else ambient.value

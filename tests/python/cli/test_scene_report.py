@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import kuafu
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.model import read_model
+from activestereo.report.view.sources import SceneSource
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 
@@ -128,3 +132,17 @@ def test_a_model_states_infrared_albedos_by_the_names_of_materials(ran, tmp_path
     assert means[1] > 1.2 * means[0]
     assert "no such material" not in told[0] and "cloth: the scene has no such material (there are: m)" in told[2]
     assert "(there are: none)" in told[3] and "unnamed material" in told[3]
+
+
+def test_a_model_makes_one_of_two_objects_of_a_material_shine(ran, tmp_path: Path) -> None:
+    """As the command does that `diagnose` prints, for a capture whose material is on several objects."""
+    room, model = _room(tmp_path / "a.glb", None), tmp_path / "model.json"
+    means = []
+    for surface in ("grey of wall", "grey of neighbour"):
+        ran("add", "specular", "--set", "factor=5", "--on", surface, "-o", model)
+        quick = [word for word in _QUICK if word not in ("--resolution", "106x60")]
+        ran("simulate", room, "--model", model, *quick, "--no-noise", "-o", tmp_path / "out")
+        means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png")).mean())
+    assert means[0] != means[1]
+    source = SceneSource(room, kuafu.Device("cpu"), StereoDepthSensorConfig("D435"), read_model(model))
+    assert "grey of neighbour" in source.simulation().material_names()

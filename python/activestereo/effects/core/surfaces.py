@@ -121,6 +121,12 @@ def split_surfaces(scene: kuafu.Scene, scene_path: str | Path) -> None:
         scene.set_instance_materials(instance, chosen[instance])
 
 
+def split_surfaces_named(scene: kuafu.Scene, scene_path: str | Path, names: set[str]) -> None:
+    """Does split_surfaces() if one of `names` is no material of the scene, but perhaps a surface's name."""
+    if not names <= {scene.material_name(k) for k in range(scene.summary.material_count)}:
+        split_surfaces(scene, scene_path)
+
+
 def material_of(surface_name: str) -> str:
     """Returns the name of a surface's material: plaster for `plaster of ball`."""
     return surface_name.rpartition(_OF)[0] or surface_name

@@ -24,7 +24,7 @@ from activestereo.compare.depth_compare import DepthModel
 from activestereo.compare.noise import fit_noise_model, repeat_statistics
 from activestereo.compare.nuisances import fit_nuisances
 from activestereo.compare.render import render_frames
-from activestereo.effects.core.surfaces import split_surfaces
+from activestereo.effects.core.surfaces import split_surfaces, split_surfaces_named
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel
 from activestereo.model.configure import exposed
@@ -207,6 +207,7 @@ class SceneSource:
         dome = load_scene_file(scene, self._path)
         if not scene.summary.triangle_count:
             raise ValueError(f"{self._path}: there is nothing to see in it: no triangles")
+        split_surfaces_named(scene, self._path, self._model.surfaces)
         if dome is None:
             light_closed_room(scene)
         room = room_radiance(scene)
