@@ -15,7 +15,7 @@ TABLES = "capi/generation/tables"
 
 # First words of a recipe: the addition's name, and for each file (text there, text that takes its place).
 ADDITIONS = {
-    "a scalar material parameter": ("emission_boost", {
+    "a material parameter": ("emission_boost", {
         f"{TABLES}/kuafu_material_desc.toml": [("# What shaders read beside", """[fields.emission_boost]
 type = "double"
 shader = true
