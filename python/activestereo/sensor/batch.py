@@ -120,6 +120,7 @@ class StereoDepthSensorBatch(SensorResults):
         all, and the arrays begin with the batch's shape, [E] or [E, S], in place of [S]. Any other argument that is
         None leaves its values unchanged. Raises ValueError, which lists the environments, for a wrong number of
         sensors, negative or non-finite numbers, and matrices that are no rotation. Nothing has changed then."""
+        self._engine.rig.require_open()
         sensors = self.shape[1:] or (1,)
         first, last, shape, where = 0, self.shape[0], self.shape, "the batch"
         if environment is not None:
@@ -159,8 +160,8 @@ class StereoDepthSensorBatch(SensorResults):
         the environments, for an invalid seed; nothing has changed then."""
         if np.ndim(seed) == 0:
             one = int(RENDER_SEED.check("the seed", seed))
-            self._config.render_seed = self._config.noise_seed = one
             self._engine.restart(one)
+            self._config.render_seed = self._config.noise_seed = one
             return
         if np.shape(seed) != self.shape[:1]:
             raise ValueError(f"seeds are {list(np.shape(seed))}, expected a number or [{self.shape[0]}]")

@@ -79,7 +79,8 @@ class SensorEngine:
     # ---- pictures ----
 
     def drop_pictures(self) -> None:
-        """Forgets the last pictures and their maps; call it before take_pictures()."""
+        """Forgets the last pictures and their maps; call it before take_pictures(). Raises RuntimeError after close."""
+        self.rig.require_open()
         self.maps.clear()
         self._picture.taken = None
 
@@ -159,6 +160,7 @@ class SensorEngine:
     def render_true_depth(self, rigs: NDArray[np.float64]) -> NDArray[np.float32]:
         """Renders depth float32 [*shape, height, width], metres in the RGB cameras, of the scene as it is now. Takes no
         picture."""
+        self.rig.require_open()
         seen: dict[str, Any] = self.rig.visible() | {"optics": None, "spp": 1}
         depth = self._renderer.render(self.scene, self.rig.rgb_cameras(rigs), ["depth"], **seen)["depth"]
         return depth.reshape(*self.shape, *depth.shape[1:3])
@@ -168,6 +170,7 @@ class SensorEngine:
     ) -> dict[str, NDArray[Any]]:
         """Renders {output name: [height, width, channels]} now, with the projectors on, by one sensor's camera. side: 0
         left, 1 right, None RGB. options: arguments of kuafu.Renderer.render that override the sensor's own."""
+        self.rig.require_open()
         self.rig.shine(rigs)
         try:
             cameras = self.rig.rgb_cameras(rigs) if side is None else [self.rig.ir_cameras(rigs)[side]]
@@ -183,6 +186,7 @@ class SensorEngine:
     def match(self, maps: Sequence[str] = ()) -> None:
         """Applies noise to the current pictures, matches them and registers the depth to the RGB cameras. Computes the
         named maps and those that were read earlier; any other map is computed when first read."""
+        self.rig.require_open()
         self.picture()
         self.maps.begin(maps)
         self._keep_times("depth", self.matcher)
@@ -205,6 +209,7 @@ class SensorEngine:
         """Computes {name: map} by the depth engine from given radiance images (left, right) instead of rendered ones.
         frame_index: number of the picture whose noise is used. lasers: simsense.Engine.compute()'s arguments for the
         projector's part of the light."""
+        self.rig.require_open()
         self.maps.complete()
         self._set_signals(self.rig.signals())
         self.matcher.set_parameters(frame_index=frame_index, scene_index=0)
@@ -216,6 +221,7 @@ class SensorEngine:
         """Changes parameters of the matcher and of the imagers (signal), by simsense's names. They hold for the current
         pictures and for later ones; exposure and gain stay as they are. Maps of matched pictures keep their values.
         Raises simsense.ArgumentError for an invalid value; nothing has changed then."""
+        self.rig.require_open()
         self.maps.complete()
         now = self.rig.setting
         told: dict[str, Any] = {**matcher, **now.applied_to(signal)}
@@ -232,12 +238,14 @@ class SensorEngine:
     def set_conditions(self, temperature_c: float | None, time_s: float) -> None:
         """Sets the sensor's temperature and the seconds since it was switched on, on which effects may depend. Maps of
         matched pictures keep their values."""
+        self.rig.require_open()
         self.maps.complete()
         self.rig.set_conditions(temperature_c, time_s)
 
     def restart(self, seed: int, noise_seeds: list[int] | None = None) -> None:
         """Drops the current pictures, numbers the next ones 0, and seeds render and noise. noise_seeds: a noise seed
         for each sensor; None: all use `seed`."""
+        self.rig.require_open()
         self._noise_seeds = noise_seeds
         self.rig.set_seed(seed)
         self.matcher.set_parameters(noise_seed=seed)

@@ -101,7 +101,8 @@ class SensorResults(ABC):
     _engine: SensorEngine
 
     def close(self) -> None:
-        """Removes the projectors and the model's additions from the scene."""
+        """Removes the projectors and the model's additions from the scene. Results of the last picture stay readable;
+        pictures, matching and changes raise RuntimeError from then on."""
         self._engine.rig.leave()
 
     def __enter__(self: _Sensors) -> _Sensors:

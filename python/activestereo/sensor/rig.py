@@ -298,6 +298,7 @@ class RigInputs:
 
     def set_twist(self, twist: NDArray[np.float64]) -> None:
         """Sets the velocity of a single sensor: [6], m/s and rad/s of the left infrared camera in its own axes."""
+        self.require_open()
         self.twist = twist
         if self._inputs is None or any(side.delay_s for side in self._inputs.sides):
             self._inputs = None
@@ -313,6 +314,11 @@ class RigInputs:
         """Removes the sensors' objects from the scene."""
         self.in_scene.leave()
         self._is_closed = True
+
+    def require_open(self) -> None:
+        """Raises RuntimeError after leave()."""
+        if self._is_closed:
+            raise RuntimeError("the sensor is closed and its projector has left the scene: make a new sensor")
 
     # ---- inside ----
 

@@ -165,6 +165,7 @@ class StereoDepthSensor(SensorResults):
 
     def set_local_pose(self, pose: Pose | NDArray[Any]) -> None:
         """Sets the RGB camera's pose relative to the mount, or in the scene if there is no mount (body axes)."""
+        self._engine.rig.require_open()
         self._place.local = Pose(as_matrix(pose))
 
     def set_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> None:

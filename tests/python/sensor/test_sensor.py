@@ -168,8 +168,32 @@ def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
     lights = sensor.scene.summary.light_count
     sensor.close()
     assert sensor.scene.summary.light_count == lights - 1
-    sensor.take_picture(infrared_only=True)
-    assert sensor.get_ir()[0].max() < 0.05
+
+
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+def test_a_closed_sensor_keeps_its_results_and_does_nothing_more(small_config, kind):
+    small_config.max_bounces, small_config.samples_per_pixel = 0, 1
+    sensor = sensor_or_batch(kind, small_config, wall_scene(0.9))
+    with sensor:
+        with_depth(sensor)
+    assert (sensor.get_depth() > 0).any() and (sensor.get_disparity() > 0).any() and sensor.get_rgb().max() == 0.0
+    image = np.ones(small_config.ir_resolution[::-1], np.float32)
+    acts = [sensor.take_picture, sensor.compute_depth]
+    if kind == "batch":
+        acts += [lambda: sensor.restart(1), lambda: sensor.vary(laser_power=[1.0]), sensor.render_true_depth]
+    else:
+        acts += [
+            lambda: sensor.change(p1=8),
+            lambda: sensor.get_picture("depth"),
+            lambda: sensor.set_velocity([1, 0, 0]),
+        ]
+        acts += [lambda: sensor.set_conditions(30.0), lambda: sensor.set_local_pose(np.eye(4))]
+        acts += [lambda: sensor.compute_depth_from(image, image), lambda: sensor.get_depth_map("cause")]
+    for act in acts:
+        with pytest.raises(RuntimeError, match="is closed .* make a new sensor"):
+            act()
+    sensor.close()  # twice does nothing
+    assert (sensor.get_depth() > 0).any()
 
 
 def test_same_seed_same_frame_and_a_new_frame_differs(small_config, table_top):
