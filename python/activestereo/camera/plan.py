@@ -16,7 +16,7 @@ from activestereo.camera.config_limits import check_together
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.images import read_gray
 from activestereo.common.lens import is_distorting, is_drawn, lens_fields, to_pixels, to_tangents
-from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, Parameter
+from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, SIGNAL, Parameter
 from activestereo.common.pattern import make_pattern
 from activestereo.common.pose import Pose, camera_to_camera, camera_to_world
 
@@ -164,6 +164,17 @@ def stated_signal(config: StereoDepthSensorConfig) -> dict[str, float]:
         "speckle_scale": speckle / SPECKLE_SHAPE,
         "adc_noise_dn": THERMAL_SIGMA_DN * config.ir_thermal_noise,
     }
+
+
+# An imager's noise terms.
+_NOISE = ("hot_pixel_share", *(p.name for p in SIGNAL if p.is_noise))
+
+
+def remove_noise(config: StereoDepthSensorConfig) -> None:
+    """Switches the imagers' noise off. What else ir_signal states stays: gains, response, black level, bits."""
+    if config.ir_signal is not None:
+        config.ir_signal = stated_signal(config) | dict.fromkeys(_NOISE, 0.0)
+    config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:

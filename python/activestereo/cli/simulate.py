@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import kuafu
+from activestereo.camera.plan import remove_noise
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, StereoDepthSensorConfig
 from activestereo.capture.capture import Frame, read_capture
 from activestereo.cli import arguments as cli
@@ -219,7 +220,7 @@ def make_config(
     options.set_records(config, args)
     config.depth_maps = options.wanted_maps(args)
     if args.no_noise:
-        config.ir_speckle_noise, config.ir_signal = 0.0, None
+        remove_noise(config)
     config.check()  # before any work
     return config
 

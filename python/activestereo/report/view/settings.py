@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import simsense
+from activestereo.camera.plan import remove_noise
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
-from activestereo.common.parameter import SIGNAL
 from activestereo.common.shown import unknown, without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -22,8 +21,6 @@ from activestereo.model.model import MATERIAL_FIELDS
 SURFACE_FIELDS = ("roughness", "ir_albedo", "specular", "metallic", "transmission")
 _CAMERA = {"exposure_s": EXPOSURE, "gain": GAIN, "laser_power_mw": Limits(0.0, 1e9, "mW")}
 _KEYS = (*_CAMERA, "has_noise", "materials", "effects")
-# The imager's noise terms, which the page can switch off.
-_NOISE = ("hot_pixel_share", *(p.name for p in SIGNAL if p.is_noise))
 BY_HAND = "set by hand in activestereo view"
 # A camera's slider spans this factor below and above its first position.
 _REACH = 16.0
@@ -64,11 +61,7 @@ class Settings:
             config.laser_power_mw = self.laser_power_mw
             config.check()  # raises ValueError for a power outside of the laser's limits
         if not self.has_noise:
-            config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
-            if config.ir_signal is not None:
-                signal = config.ir_signal
-                own = simsense.signal_preset(signal) if isinstance(signal, str) else signal  # type: ignore[arg-type]
-                config.ir_signal = own | dict.fromkeys(_NOISE, 0.0)
+            remove_noise(config)
         return config, self.in_model(model)
 
     def in_model(self, model: SensorModel) -> SensorModel:
