@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from typing import Any, TextIO
 
@@ -89,3 +89,10 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
     """Returns an error message: no `what` has this name. It lists the known names and suggests the most similar one."""
     names = list(known)
     return f"unknown {what} '{str(name)[:_MOST_LETTERS]}' (known: {', '.join(names)}){did_you_mean(name, names)}"
+
+
+def require_known(what: str, names: Iterable[object], known: Collection[str]) -> None:
+    """Raises ValueError with the message of unknown() for the first of the names that is not known."""
+    for name in names:
+        if name not in known:
+            raise ValueError(unknown(what, name, known))

@@ -11,7 +11,7 @@ from typing import Any
 from activestereo.camera.plan import remove_noise
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.limits import ANY, EXPOSURE, GAIN, Limits
-from activestereo.common.shown import unknown, without_unit
+from activestereo.common.shown import require_known, unknown, without_unit
 from activestereo.effects import Effect
 from activestereo.effects.core.surfaces import SURFACES
 from activestereo.model import Quantity, SensorModel
@@ -92,9 +92,7 @@ def settings_of(given: Any, library: Mapping[str, Effect], material_names: list[
     """Parses the settings in a call's JSON object. library: {id: Effect} and material_names: what the settings may
     name. Raises ValueError with the fault."""
     given = _object(given, "settings")
-    for key in given:
-        if key not in _KEYS:
-            raise ValueError(unknown("setting", str(key), _KEYS))
+    require_known("setting", given, _KEYS)
     moved = {name: limits for name, limits in _CAMERA.items() if given.get(name) is not None}
     camera = {name: float(limits.check(name, given[name])) for name, limits in moved.items()}
     touched = _object(given.get("materials", {}), "materials")
