@@ -255,6 +255,10 @@ def test_what_does_not_go_together_is_told(config):
         sensor(**given | {"depth": given["depth"][..., 0]})
     with pytest.raises(ValueError, match="unknown depth_kind 'planer'.*did you mean 'planar'"):
         sensor(**given, depth_kind="planer")
+    with pytest.raises(ValueError, match="depth is missing: give it in metres"):
+        sensor(**given | {"depth": None})
+    with pytest.raises(ValueError, match="material is missing: give each pixel's number, here of 7, or make"):
+        GBufferStereo(config, 2, materials={7: kuafu.Material()})(**given)
     with pytest.raises(ValueError, match="made without materials="):
         sensor(**given, material=np.zeros((2, 120, 160), int))
     with pytest.raises(ValueError, match="laser_power of environment 1 is -1"):
@@ -264,6 +268,21 @@ def test_what_does_not_go_together_is_told(config):
     config.ir_distortion = (0.1, 0, 0, 0, 0)
     with pytest.raises(ValueError, match="pinhole"):
         GBufferStereo(config)
+
+
+@pytest.mark.parametrize(("bad", "is_refused"), [(0.4, False), (0.75, True)])
+def test_normals_in_other_axes_are_refused(config, bad, is_refused):
+    """Of OpenGL's axes; where the camera sees a part of the surfaces from behind, kuafu turns the normals."""
+    given = {name: np.array(image) for name, image in wall(config, 0.6).items()}
+    given["normal"][:, : int(bad * 120), :, 1:] *= -1.0
+    sensor = GBufferStereo(config)
+    if not is_refused:
+        assert sensor(**given, outputs=("valid",))["valid"].any()
+        return
+    with pytest.raises(ValueError, match="normal faces away from the camera at 75 % .*OpenGL"):
+        sensor(**given)
+    with pytest.raises(ValueError, match="right normal faces away"):
+        sensor(**wall(config, 0.6), right=given)
 
 
 def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config):

@@ -20,10 +20,10 @@ import kuafu
 from activestereo.camera.config_limits import FRAME
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
-from activestereo.common.lens import is_distorting, with_finer_pixels
+from activestereo.common.lens import is_distorting, to_tangents, with_finer_pixels
 from activestereo.common.limits import POWER, Limits
 from activestereo.common.pose import host_array
-from activestereo.common.shown import shown, unknown
+from activestereo.common.shown import require_known, shown
 from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, CudaMemory, cuda_tensor, require_no_capture, wait_for
@@ -115,6 +115,24 @@ def require_metres(name: str, depth: NDArray[Any]) -> None:
         raise ValueError(
             f"{name} begins at {there.min():g} m: is it in millimetres? Then give {name} / 1000; 0 and inf are nothing"
         )
+
+
+# Normals are checked at so many pixels at most.
+_LOOKED_AT = 1 << 16
+
+
+def require_towards(name: str, normal: NDArray[Any], depth: NDArray[Any], k: NDArray[np.float64]) -> None:
+    """Raises ValueError if most normals [E, height, width, 3] of surfaces (depth > 0) face away from the camera with
+    the 3x3 matrix k: their axes are others. A part may, at the edges of bent or rough surfaces."""
+    places = np.flatnonzero((depth > 0) & np.isfinite(depth))
+    places = places[:: 1 + places.size // _LOOKED_AT]
+    _, v, u = np.unravel_index(places, depth.shape)
+    rays = np.stack([*to_tangents(u, v, k), np.ones(u.size)], axis=-1)
+    away = (normal.reshape(-1, 3)[places].astype(np.float64) * rays).sum(axis=-1) > 0.0
+    if away.size and away.mean() > 0.5:
+        axes = "it is in the left camera's axes, x right, y down, z forward, towards the camera"
+        share = f"faces away from the camera at {100.0 * away.mean():.3g} % of the pixels with a surface"
+        raise ValueError(f"{name} {share}: {axes} (of OpenGL's axes negate y and z; of outward ones all three)")
 
 
 def _checked_shape(name: str, image: Any, shape: tuple[int, ...]) -> Any:
@@ -296,16 +314,14 @@ class GBufferStereo:
         factors on the configured values, a number or [E]. outputs: which of OUTPUTS to return, None = all; 'cause'
         takes time on the host; with on_cuda there is neither 'cause' nor 'valid'.
 
-        Raises ValueError with the environment and the invalid value, also for depth on the host that can only be in
-        millimetres; no frame is taken then. Raises RuntimeError while torch captures a CUDA graph.
+        Raises ValueError with the environment and the invalid value. It also does for depth on the host that can only
+        be in millimetres, and for normals there that face away. No frame is taken then. Raises RuntimeError while torch
+        captures a CUDA graph.
         """
         known = OUTPUTS if self._on_cuda is None else _OF_ENGINE
         outputs = known if outputs is None else outputs
-        for name in outputs:
-            if name not in known:
-                raise ValueError(unknown("output", name, known))
-        if depth_kind not in KINDS:
-            raise ValueError(unknown("depth_kind", depth_kind, KINDS))
+        require_known("output", outputs, known)
+        require_known("depth_kind", [depth_kind], KINDS)
         given = {"depth": depth, "normal": normal, "albedo": albedo, "material": material}
         if any(getattr(image, "is_cuda", False) for image in given.values()):
             require_no_capture()
@@ -314,9 +330,7 @@ class GBufferStereo:
         if right is not None:
             if not isinstance(right, Mapping):
                 raise ValueError(f"right is {shown(right)}, expected a mapping of its images: {', '.join(_IMAGES)}")
-            for image in right:
-                if image not in _IMAGES:
-                    raise ValueError(unknown("right image", image, _IMAGES))
+            require_known("right image", right, _IMAGES)
             self._require(right, "right ")
             other = self._views[1].put({name: right.get(name) for name in _IMAGES})
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
@@ -390,12 +404,17 @@ class GBufferStereo:
 
     def _require(self, given: Mapping[str, Any], whose: str) -> None:
         """Raises ValueError unless `given` has depth, and material (albedo if the sensor has no materials). On the
-        host, depth must be in metres and the surfaces' material numbers known. whose: the camera's name in the
-        message."""
+        host, depth must be in metres, normals must face the camera, and the surfaces' material numbers must be known.
+        whose: the camera's name in the message."""
         if given.get("depth") is None:
-            raise ValueError(f"{whose}depth is missing")
+            raise ValueError(f"{whose}depth is missing: give it in metres, 0 or inf where nothing is")
+        normal = given.get("normal")
         if not getattr(given["depth"], "is_cuda", False):
-            require_metres(f"{whose}depth", host_image(f"{whose}depth", given["depth"], self.input_shape))
+            depth = host_image(f"{whose}depth", given["depth"], self.input_shape)
+            require_metres(f"{whose}depth", depth)
+            if normal is not None and not getattr(normal, "is_cuda", False):
+                towards = host_image(f"{whose}normal", normal, (*self.input_shape, 3))
+                require_towards(f"{whose}normal", towards, depth, self.k)
         material = given.get("material")
         if not self._materials.is_given:
             if material is not None:
@@ -403,7 +422,9 @@ class GBufferStereo:
             if given.get("albedo") is None:
                 raise ValueError(f"{whose}albedo is missing: give it, or material with materials= of the sensor")
         elif material is None:
-            raise ValueError(f"{whose}material is missing: this sensor was made with materials=")
+            known = ", ".join(map(str, self._materials.numbers[:8])) or "none"
+            text = f"give each pixel's number, here of {known}"
+            raise ValueError(f"{whose}material is missing: {text}, or make the sensor without materials=")
         elif not getattr(material, "is_cuda", False):
             numbers, depth = (host_image(whose + name, given[name], self.input_shape) for name in ("material", "depth"))
             self._materials.require_known(numbers, depth)
