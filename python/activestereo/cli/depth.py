@@ -176,7 +176,7 @@ def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Devi
     return simsense.Device(args.device or ("auto" if given.get("back_end") == "vulkan" else "host"))
 
 
-# The images are exchanged if the swapped pair matches _TIMES as many pixels and at least _LEAST_FILL of the image.
+# The images are exchanged if the swapped pair gives depth to _TIMES as many pixels and at least _LEAST_FILL of them.
 _TIMES = 1.5
 _SUSPICIOUS_FILL = 0.6
 _LEAST_FILL = 0.5
@@ -203,10 +203,10 @@ def depth_hints(
     ]
     if parts:
         hints.append("cut off: " + "; ".join(parts))
-    # If few pixels match, the exchanged pair is tried.
-    fill = float((disparity > 0).mean())
+    # If few pixels have depth, the exchanged pair is tried. Disparities near 0, which chance gives it, do not count.
+    fill = float((result["depth"] > 0).mean())
     if fill < _SUSPICIOUS_FILL:
-        other = float((engine.compute(right, left, ("disparity",))["disparity"] > 0).mean())
+        other = float((engine.compute(right, left, ("depth",))["depth"] > 0).mean())
         if other >= max(_LEAST_FILL, _TIMES * fill):
             shares = f"{100 * other:.1f} % instead of {100 * fill:.1f} %"
             hints.append(f"hint: exchanged, the images give {shares}: is LEFT the right camera's image?")

@@ -2,6 +2,7 @@
 """'activestereo depth': the cameras of a pair, and a folder's pairs, interrupted and gone on with."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 
 import activestereo.camera.advanced_mode.matcher as matcher_module
 from activestereo.cli import main
+from activestereo.cli.depth import depth_hints
 
 F_PX, BASELINE_M, SHIFT_PX, OFFSET_PX, WIDTH, HEIGHT = 100.0, 0.06, 12, 8.0, 128, 96
 CX, CY = 63.5, 47.5
@@ -154,3 +156,15 @@ def test_what_cannot_be_is_told_in_one_line(recording, tmp_path, run, words, sai
     result = run("depth", *files, "--out", tmp_path / "out", *(word.format(folder=recording) for word in words))
     error = result.stderr.strip().splitlines()
     assert result.returncode == 2 and len(error) == 1 and said in error[0]
+
+
+def test_disparities_beyond_the_largest_depth_do_not_hide_that_images_are_exchanged():
+    """As given, all pixels match by chance at 12 m; exchanged, all have depth."""
+    image, limits = np.zeros((8, 8), np.uint8), {"min_depth_m": 0.1, "max_depth_m": 10.0}
+    engine = SimpleNamespace(
+        parameters=limits, compute=lambda *pair: {n: np.ones((8, 8)) for n in ("depth", "disparity")}
+    )
+    found = {"disparity": np.full((8, 8), 0.5), "depth": np.zeros((8, 8))}
+    cameras = SimpleNamespace(focal_baseline_px_m=6.0, offset_px=0.0)
+    told = depth_hints(cameras, engine, image, image, found)
+    assert "64 pixels from 10 m on" in told[0] and "exchanged, the images give 100.0 % instead of 0.0 %" in told[1]
