@@ -205,6 +205,13 @@ def test_sensors_and_configs_answer_scripts():
     assert advanced.is_enabled() and device.camera.config().laser_power_mw == 30, "the camera after the reset"
     config = rs.config()
     config.enable_device(device.get_info(rs.camera_info.serial_number))
+    config.resolve(rs.pipeline())
+    config.enable_device("841512070000")
+    with pytest.raises(RuntimeError, match="No device connected with '841512070000': .* has '000000000000'; World"):
+        rs.pipeline().start(config)
+    rs.simulate(rs.World(serial_number="841512070000"))
+    assert config.resolve(rs.pipeline()).get_device().get_info(rs.camera_info.serial_number) == "841512070000"
+    rs.simulate(rs.World())
     config.enable_all_streams()
     config.disable_all_streams()
     with pytest.raises(RuntimeError, match="record with write_topics"):

@@ -64,6 +64,7 @@ class World:
     seed: int = 0
     device: str | int | kuafu.Device = "auto"
     samples_per_pixel: int = 16
+    serial_number: str = "000000000000"
 
 
 def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]:

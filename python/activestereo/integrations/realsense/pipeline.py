@@ -90,7 +90,7 @@ class device(Described):
         model = self.camera.base.model.upper().removeprefix("SAPIEN-")
         self.info = {
             camera_info.name: f"Intel RealSense {model} (simulated)",
-            camera_info.serial_number: "000000000000",
+            camera_info.serial_number: camera.world.serial_number,
             camera_info.firmware_version: "5.16.0.1",
             camera_info.physical_port: "simulated",
             camera_info.advanced_mode: "YES",
@@ -193,6 +193,7 @@ class config:
 
     def __init__(self) -> None:
         self.requests: dict[tuple[stream, int], StreamRequest] = {}
+        self.serial: str | None = None
 
     def enable_stream(self, stream_type: stream, *args: Any, **names: Any) -> None:
         """Requests a stream. Takes any of librealsense's argument lists: [index,] [width, height,] [format,]
@@ -223,7 +224,9 @@ class config:
     def disable_all_streams(self) -> None:
         self.requests.clear()
 
-    enable_device = ignored  # there is one camera, with any serial number
+    def enable_device(self, serial: str) -> None:
+        """Requests the camera with this serial number; start() and resolve() raise RuntimeError for another one."""
+        self.serial = serial
 
     def enable_device_from_file(self, file_name: str, repeat_playback: bool = True) -> None:
         raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")
@@ -237,10 +240,14 @@ class config:
 
 class pipeline_profile:
     """Resolves the requested streams of a pipeline on its device. Raises RuntimeError if depth and infrared, which
-    share one image size, are requested in two sizes."""
+    share one image size, are requested in two sizes, and for another device's serial number."""
 
     def __init__(self, of: device, asked: config) -> None:
         self.device = of
+        own = of.info[camera_info.serial_number]
+        if asked.serial not in (None, own):
+            remedy = f"World(serial_number='{asked.serial}') gives it this number"
+            raise RuntimeError(f"No device connected with '{asked.serial}': the simulated camera has '{own}'; {remedy}")
         requests = list(asked.requests.values()) or list(_DEFAULT)
         for streams, name in (((stream.depth, stream.infrared), "depth_size"), ((stream.color,), "color_size")):
             sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
