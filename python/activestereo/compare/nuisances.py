@@ -132,6 +132,7 @@ def fit_with_exposures(
     """Fits the nuisances to the train frames under a model; returns (Fit, views). If the capture states its exposures
     as inexact, the exposures of all frames are fitted, too, and the returned views hold them. lights: {(frame id,
     side): light on the sensor}. Raises CaptureError if there is nothing to fit."""
+    capture.check_train()
     seen = dict(views)
 
     def fit() -> Fit:
@@ -168,7 +169,7 @@ def _fitted(
     solution: the start for a nonlinear model; None: the model is linear. Raises ValueError if there is nothing to
     fit."""
     if not observations:
-        raise ValueError("nothing to fit: the capture has no train frames")
+        raise ValueError("nothing to fit: there is no infrared image")
     total = sum(np.count_nonzero(np.isfinite(measured)) for _, _, measured in observations)
     is_straight, deviation, best = solution is None, 0.0, None
 

@@ -12,7 +12,7 @@ import pytest
 
 import kuafu
 
-from activestereo.capture.capture import CaptureError, read_capture
+from activestereo.capture.capture import Capture, CaptureError, read_capture
 from activestereo.effects import Model, builtin
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
@@ -21,7 +21,7 @@ from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest
 from activestereo.compare.model_file import read_model
-from activestereo.compare.nuisances import fit_with_exposures
+from activestereo.compare.nuisances import fit_nuisances, fit_with_exposures
 from activestereo.diagnose.diagnosis import diagnose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from lab_worlds import WorldRenderer
@@ -119,8 +119,10 @@ def test_a_capture_without_train_frames_is_refused_before_it_is_rendered(judge, 
     assert renderer.calls == 0
 
 
-def test_a_capture_with_nothing_to_fit_is_named(tmp_path):
-    rig = SimpleNamespace(max_dn=255, black_dn=None)
-    capture = SimpleNamespace(path=tmp_path / "desk", rig=rig, split=lambda name: [])
-    with pytest.raises(CaptureError, match="desk: nothing to fit"):
+def test_a_fit_names_a_capture_without_train_frames_and_images_that_are_none(tmp_path):
+    capture = SimpleNamespace(path=tmp_path / "desk", split=lambda name: [])
+    capture.check_train = lambda: Capture.check_train(capture)
+    with pytest.raises(CaptureError, match="desk/capture.json: frames: split: is 'test' in all frames"):
         fit_with_exposures(capture, Model(), {}, {}, {})
+    with pytest.raises(ValueError, match="nothing to fit: there is no infrared image"):
+        fit_nuisances([], 255.0)

@@ -108,7 +108,8 @@ def test_exposures_that_are_not_exact_are_fitted_of_held_out_frames_too(stated):
             views[frame.id, side] = replace(view, frame=frame, side=side)
             measured[frame.id, side] = 4 + share * (50 * (images[0] + images[1]) + 30 * images[2])
     capture = SimpleNamespace(
-        path="capture", frames=frames, split=lambda name: [f for f in frames if f.split == name],
+        path="capture", frames=frames, check_train=lambda: None,
+        split=lambda name: [f for f in frames if f.split == name],
         uncertainty=Uncertainty(exposure=stated), rig=SimpleNamespace(max_dn=255, black_dn=(4.0, 0.1)),
     )  # fmt: skip
     fit, seen = fit_with_exposures(capture, Model(), lights, views, measured)
