@@ -272,7 +272,7 @@ def test_what_does_not_go_together_is_told(config):
 
 @pytest.mark.parametrize(("bad", "is_refused"), [(0.4, False), (0.75, True)])
 def test_normals_in_other_axes_are_refused(config, bad, is_refused):
-    """Of OpenGL's axes; where the camera sees a part of the surfaces from behind, kuafu turns the normals."""
+    """They are in OpenGL's axes. Where the camera sees a part of the surfaces from behind, kuafu turns the normals."""
     given = {name: np.array(image) for name, image in wall(config, 0.6).items()}
     given["normal"][:, : int(bad * 120), :, 1:] *= -1.0
     sensor = GBufferStereo(config)
