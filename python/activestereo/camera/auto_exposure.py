@@ -2,7 +2,7 @@
 """Automatic exposure and gain with librealsense's options: a target mean count, an image region to measure, and limits
 of exposure and gain. Exposure changes first; gain changes only when exposure is at its limit. The devices' control
 steps are not published. Here a step corrects _DAMPING of the error in the logarithm of light, by a factor of at most
-two. Clipped pixels make a step too small, never wrong."""
+two. Clipped pixels make a step too small, never wrong. Counts follow the imager's response and warm black level."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ _DAMPING = 0.8
 _LARGEST_STEP = 2.0
 _SETTLED = 0.002  # a step with a smaller relative change ends the control
 _MOST_STEPS = 60
+_MOST_RELATIVE = np.float32(4.0)  # a response is cut there, as simsense's
 _VIEWS = 16  # images at a time, which stay in the processor's cache
 STRIDE = 2  # only every second pixel is measured, in x and y
 DARKEST = np.finfo(np.float32).tiny  # smallest count of a lit pixel; devices may treat less as 0
@@ -54,10 +55,10 @@ class AutoExposure:
         """Returns the setting for the next image after one taken with `now`. Mode 'converging' takes one control step
         from `now`; other modes run the control from `start` until it settles. signal: the imager's parameters at `now`.
         light: radiance [height, width]. max_dn: the count at which pixels clip."""
-        seen, black_dn = self._metered_counts(light[None], signal, now), signal["black_level_dn"]
+        seen = self._metered_counts(light[None], signal, now)
         begin = np.array([(now if self.mode == "converging" else self.start).light_s])
         follow = self._step if self.mode == "converging" else self._settled
-        light_s = float(follow(begin, seen, black_dn, max_dn)[0])
+        light_s = float(follow(begin, seen, signal, max_dn)[0])
         (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
         exposure_s = min(max(light_s / least, shortest_s), longest_s)
         return Setting(exposure_s, min(max(light_s / exposure_s, least), most))
@@ -70,8 +71,7 @@ class AutoExposure:
         count at which pixels clip."""
         begin = np.full(_VIEWS, self.start.light_s)
         parts = [self._metered_counts(light[n : n + _VIEWS], signal, self.start) for n in range(0, len(light), _VIEWS)]
-        black_dn = signal["black_level_dn"]
-        found = [self._settled(begin[: len(seen)], seen, black_dn, max_dn) for seen in parts]
+        found = [self._settled(begin[: len(seen)], seen, signal, max_dn) for seen in parts]
         return np.asarray(np.concatenate(found) / self.start.light_s, np.float32)
 
     def _metered_counts(
@@ -85,11 +85,11 @@ class AutoExposure:
         return np.asarray((looked_at * np.float32(dn_per_light_s)).reshape(len(light), -1))
 
     def _settled(
-        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
+        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], signal: Mapping[str, float], max_dn: float
     ) -> NDArray[np.float64]:
         light_s, moving = light_s.copy(), np.arange(len(seen))
         for _ in range(_MOST_STEPS):
-            after = self._step(light_s[moving], seen[moving], black_dn, max_dn)
+            after = self._step(light_s[moving], seen[moving], signal, max_dn)
             is_still = np.abs(after / light_s[moving] - 1.0) < _SETTLED
             light_s[moving], moving = after, moving[~is_still]
             if not moving.size:
@@ -97,19 +97,30 @@ class AutoExposure:
         return light_s
 
     def _step(
-        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], black_dn: float, max_dn: float
+        self, light_s: NDArray[np.float64], seen: NDArray[np.float32], signal: Mapping[str, float], max_dn: float
     ) -> NDArray[np.float64]:
         """Makes one control step for each of n images and returns the new exposure x gain, seconds [n]. light_s: the
         current values [n]. seen: [n, pixels], DN above black per second of exposure x gain, from _metered_counts()."""
+        black_dn, exponent = black_level(signal), signal["response_exponent"]
         counts = seen * light_s.astype(np.float32)[:, None]
+        if exponent != 1.0:
+            relative = np.minimum(counts / np.float32(max_dn), _MOST_RELATIVE)
+            counts = np.float32(max_dn) * relative ** np.float32(exponent)
         counts += np.float32(black_dn)
         np.clip(counts, np.float32(0.0), np.float32(max_dn), out=counts)
         mean_dn = counts.mean(axis=1).astype(np.float64)
         # If black alone exceeds the target, the steps end at the shortest exposure.
         wanted = max(self.target_dn - black_dn, 0.0) / np.maximum(mean_dn - black_dn, 1e-6)
-        after = light_s * np.clip(wanted**_DAMPING, 1.0 / _LARGEST_STEP, _LARGEST_STEP)
+        after = light_s * np.clip(wanted ** (_DAMPING / exponent), 1.0 / _LARGEST_STEP, _LARGEST_STEP)
         (shortest_s, longest_s), (least, most) = self.exposure_limits_s, self.gain_limits
         return np.asarray(np.clip(after, shortest_s * least, longest_s * most))
+
+
+def black_level(signal: Mapping[str, float]) -> float:
+    """Returns the counts of an imager in the dark at its temperature, without dark current."""
+    return signal["black_level_dn"] + signal["black_level_dn_per_k"] * (
+        signal["temperature_c"] - signal["dark_reference_c"]
+    )
 
 
 def rgb_exposure(radiance: NDArray[np.float32]) -> float:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import kuafu
 import simsense
+from activestereo.camera.auto_exposure import black_level
 from activestereo.camera.config_limits import checked_twist
 from activestereo.camera.plan import SensorPlan, matcher_parameters, plan_of, signal_parameters
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
@@ -244,6 +245,5 @@ def _linear_counts(image: NDArray[np.float32], signal: dict[str, float]) -> NDAr
     """Returns the counts over full scale, 0..1, that a linear imager without noise and dark current gives for an image
     of radiance, W/(sr m^2)."""
     full_scale_dn, per_radiance = 2 ** signal["bit_depth"] - 1, dn_per_radiance(signal)
-    warming_k = signal["temperature_c"] - signal["dark_reference_c"]
-    black_dn = signal["black_level_dn"] + signal["black_level_dn_per_k"] * warming_k
-    return np.clip(image * np.float32(per_radiance / full_scale_dn) + np.float32(black_dn / full_scale_dn), 0.0, 1.0)
+    black = np.float32(black_level(signal) / full_scale_dn)
+    return np.clip(image * np.float32(per_radiance / full_scale_dn) + black, 0.0, 1.0)

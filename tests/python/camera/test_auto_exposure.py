@@ -4,7 +4,8 @@
 import kuafu
 import numpy as np
 import pytest
-from sensor_scenes import wall_scene, with_depth
+import simsense
+from sensor_scenes import sensor_or_batch, wall_scene, with_depth
 
 from activestereo import Pose, StereoDepthSensor, StereoDepthSensorConfig
 from activestereo.camera.auto_exposure import AutoExposure, Setting, rgb_exposure, srgb
@@ -36,10 +37,22 @@ def test_a_settled_exposure_has_the_target_whatever_the_light(config, room):
     assert found == pytest.approx(config.ir_exposure_target_dn, abs=1.5)
 
 
+@pytest.mark.parametrize("kind", ["sensor", "batch"])
+@pytest.mark.parametrize(
+    "more", [{"response_exponent": 0.5}, {"response_exponent": 2.0}, {"black_level_dn_per_k": 1.0}]
+)
+def test_a_settled_exposure_counts_what_the_imager_gives(config, kind, more):
+    """A bent response, and a black level that is 30 counts higher at 55 degrees."""
+    config.ir_exposure_limits_s = (1e-6, 10.0)
+    config.ir_signal |= more | {"temperature_c": 55.0}
+    found = mean_count(sensor_or_batch(kind, config, wall()))
+    assert found == pytest.approx(config.ir_exposure_target_dn, abs=1.5)
+
+
 @pytest.mark.parametrize("mode", ["settled", "converging"])
 def test_a_black_level_beyond_the_target_asks_for_less_light(mode):
     """As an effect may raise it; a configuration that says so is refused."""
-    signal = {"responsivity_e": 100.0, "conversion_gain_dn_per_e": 1.0, "gain": 1.0, "black_level_dn": 88.0}
+    signal = simsense.signal_preset("neutral") | {"responsivity_e": 100.0, "black_level_dn": 88.0}
     rule = AutoExposure(mode, Setting(0.01, 1.0), 68.0, (0.001, 0.1), (1.0, 16.0))
     after = rule.after(rule.start, signal, np.ones((8, 8), np.float32), 255.0)
     assert after == Setting(0.001 if mode == "settled" else 0.005, 1.0)
