@@ -63,6 +63,17 @@ def credible(nats: Mapping[str, float], mass: float) -> dict[str, float]:
     return {name: float(x) for name, x in zip(names[:count], p, strict=False)}
 
 
+def parted(sets: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Returns {named effect: its credible set} without the other named effects, with the same sum. sets: the same with
+    them. An effect that is named later may stand in an earlier name's set."""
+    out = {}
+    for name, members in sets.items():
+        kept = {member: p for member, p in members.items() if member == name or member not in sets}
+        scale = sum(members.values()) / sum(kept.values()) if len(kept) < len(members) else 1.0
+        out[name] = {member: scale * p for member, p in kept.items()}
+    return out
+
+
 def _calibrated(members: Mapping[str, float]) -> dict[str, float]:
     """Returns a set's probabilities, adjusted to how often its members prove right. They are raised to a power and
     scaled to the same sum (temperature scaling; Guo et al. 2017, ICML)."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
-from activestereo.diagnose.credible_set import members_of
+from activestereo.diagnose.credible_set import members_of, parted
 from activestereo.diagnose.dictionary import Atom, Dictionary, carried, columns_of, first_dictionary, numbered
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
@@ -96,6 +96,8 @@ class Search:
             self._widen_last_set(dictionary)
             self._structure = local_structure(self._rows)
         self._widen_set_of_inexact()
+        sets = parted({n.id: n.members for n in self._names})
+        self._names = [replace(n, members=sets[n.id]) for n in self._names]
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)

@@ -11,7 +11,6 @@ import pytest
 from activestereo.benchmarks.example_capture import HIDDEN, write_example_capture
 from activestereo.capture.capture import SIDES, SPLITS
 from activestereo.diagnose import diagnose
-from activestereo.diagnose.credible_set import credible
 from activestereo.diagnose.depth_engine import pose_error_nats
 from activestereo.diagnose.diagnosis import _test_errors
 from activestereo.diagnose.dictionary import Atom, carried
@@ -256,11 +255,6 @@ def test_a_name_is_stated_the_likelier_right_the_less_is_missing():
     assert stated == sorted(stated, reverse=True)
     assert 0.1 < stated[-1] < 0.3 and 0.98 < stated[0] < 1.0
     assert probability_right(0.5, False) > 0.5 > probability_right(1.5, False)
-
-
-def test_a_set_ends_where_it_holds_its_mass():
-    assert list(credible({"a": 0.0, "b": -0.1, "c": -9.0}, 0.95)) == ["a", "b"]
-    assert list(credible({"a": 0.0, "b": -9.0}, 0.95)) == ["a"]
 
 
 @pytest.fixture(scope="module")
