@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -195,6 +196,27 @@ def test_the_end_says_how_much_is_measured_and_how_much_invented(things: tuple[P
     is_wrong = (true == 0) | (abs(found - true) > 0.05 * true)
     assert done.measured == pytest.approx((found > 0)[true > 0].mean(), abs=1e-3) and 0.1 < done.measured < 1.0
     assert done.invented == pytest.approx(is_wrong[found > 0].mean(), abs=5e-3)
+
+
+def test_a_thing_that_the_border_cuts_is_counted_beyond_it(things: tuple[Path, ...], tmp_path: Path) -> None:
+    """By the ellipse that a ball makes; BOP's visib_fract is of all its pixels."""
+    near = Ranges(things=(2, 2), distance_m=(0.25, 0.25), spread_m=(0.25, 0.25))
+    studio = Studio(replace(settings(things), ranges=near))
+    cut = 0
+    for frame in (studio.make_frame(number) for number in range(6)):
+        bop.write_frame(tmp_path, frame)
+        info = json.loads(bop.record_path(tmp_path, frame.number).read_text())["gt_info"][0]
+        ball = frame.found[0]
+        x, y, z = ball.model_to_camera[:3, 3]
+        sine2, cosine2 = RADIUS_M**2 / (x * x + y * y + z * z), z * z / (x * x + y * y + z * z)
+        area = np.pi * frame.k[0, 0] ** 2 * sine2 * np.sqrt(1.0 - sine2) / (cosine2 - sine2) ** 1.5
+        assert info["px_count_all"] == pytest.approx(area, rel=0.06)
+        assert info["visib_fract"] == ball.mask_visible.sum() / info["px_count_all"]
+        left, top, width, height = info["bbox_obj"]
+        is_cut = left < 0 or top < 0 or left + width > SIZE[0] or top + height > SIZE[1]
+        cut += is_cut and ball.mask.any()
+        assert is_cut == (ball.mask.sum() < info["px_count_all"])
+    assert 0 < cut
 
 
 def test_the_files_keep_bop_s_rules(whole: Path) -> None:

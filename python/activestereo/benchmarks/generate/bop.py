@@ -103,9 +103,9 @@ def write_frame(out: Path, frame: Frame) -> None:
             ],
             "gt_info": [
                 {
-                    "bbox_obj": _box(found.mask),
+                    "bbox_obj": _box(found.outline, found.mask_visible.shape),
                     "bbox_visib": _box(found.mask_visible),
-                    "px_count_all": (whole := int(found.mask.sum())),
+                    "px_count_all": (whole := int(found.outline.sum())),
                     "px_count_valid": int((found.mask & is_found).sum()),
                     "px_count_visib": (visible := int(found.mask_visible.sum())),
                     "visib_fract": visible / whole if whole else 0.0,
@@ -176,10 +176,11 @@ def write_head(out: Path, things: list[Thing], config: StereoDepthSensorConfig, 
     write_json(out / "dataset.json", about)
 
 
-def _box(mask: NDArray[np.bool_]) -> list[int]:
-    """Returns a mask's bounding box [x, y, width, height]; -1 four times if the mask is empty, as in BOP."""
+def _box(mask: NDArray[np.bool_], first: tuple[int, ...] = (0, 0)) -> list[int]:
+    """Returns a mask's bounding box [x, y, width, height]; -1 four times if the mask is empty, as in BOP. first: row
+    and column of the mask that count as 0."""
     box = Image.fromarray(mask).getbbox()
-    return [-1, -1, -1, -1] if box is None else [box[0], box[1], box[2] - box[0], box[3] - box[1]]
+    return [-1, -1, -1, -1] if box is None else [box[0] - first[1], box[1] - first[0], box[2] - box[0], box[3] - box[1]]
 
 
 def scene_folder(out: Path, number: int) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,7 +23,6 @@ from activestereo.scene_io.scene_files import keep_transparent, load_scene_file,
 from activestereo.scene_io.usd import is_usd
 from activestereo.sensor.batch import StereoDepthSensorBatch
 from activestereo.sensor.mounts import Mounts
-from activestereo.sensor.pictures import PictureMemory
 
 
 @dataclass(frozen=True)
@@ -264,13 +264,19 @@ class Settings:
 
 @dataclass(frozen=True)
 class Found:
-    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. mask: bool [h, w], the whole thing as if nothing
-    occluded it. mask_visible: its visible part."""
+    """A thing in a frame. model_to_camera: 4x4, metres, camera axes. outline: bool [3 h, 3 w], the whole thing as if
+    nothing occluded it, in an image whose middle is the picture. mask_visible: bool [h, w], its visible part."""
 
     thing_id: int
     model_to_camera: NDArray[np.float64]
-    mask: NDArray[np.bool_]
+    outline: NDArray[np.bool_]
     mask_visible: NDArray[np.bool_]
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Returns the part of the outline in the picture."""
+        height, width = self.mask_visible.shape
+        return self.outline[height : 2 * height, width : 2 * width]
 
 
 @dataclass(frozen=True)
@@ -315,8 +321,6 @@ class Studio:
         self._config = sensor_config(settings)
         self._sensor = StereoDepthSensorBatch(self._config, self._mounts)
         self._renderer = kuafu.Renderer(self._scene.device)
-        width, height = self._config.rgb_resolution
-        self._alone_ids = PictureMemory(self._scene.device, (1, height, width), {"instance_id": (np.uint32, 1)})
 
     def make_frame(self, number: int) -> Frame:
         """Takes frame `number` of the data set, which depends only on the settings and the number."""
@@ -382,14 +386,21 @@ class Studio:
         )
 
     def _alone(self, index: int, pose: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns the mask, bool [height, width], of object number `index` in the RGB picture, as if it were alone in
-        the scene. pose: 4x4 from its file's axes to the world."""
+        """Returns the outline, bool [3 height, 3 width], of object number `index` as if it were alone in the scene, in
+        an image whose middle is the RGB picture (as BOP's toolkit has it). pose: 4x4 from its file's axes to the
+        world."""
         self._things.place({index: pose})
-        width, height = self._config.rgb_resolution
-        camera = kuafu.Camera(width, height, self._config.rgb_intrinsic, camera_to_world)
-        self._alone_ids.forget()
-        self._renderer.render(self._scene, camera, self._alone_ids.targets, band="visible", spp=1)
-        return self._things.is_of(index, self._alone_ids.read("instance_id")[0, ..., 0])
+        (width, height), k = self._config.rgb_resolution, self._config.rgb_intrinsic
+        thing = self._things.things[index]
+        corners = np.array([[*corner, 1.0] for corner in product(*zip(thing.low_m, thing.high_m, strict=True))])
+        x, y, z = k @ (np.linalg.inv(camera_to_world) @ pose @ corners.T)[:3]
+        is_inside = bool(((z > 0) & (x >= 0) & (x < z * (width - 1)) & (y >= 0) & (y < z * (height - 1))).all())
+        beyond = (0, 0) if is_inside else (height, width)  # rows and columns on each side
+        shift = np.array([[0, 0, beyond[1]], [0, 0, beyond[0]], [0, 0, 0]])
+        camera = kuafu.Camera(width + 2 * beyond[1], height + 2 * beyond[0], k + shift, camera_to_world)
+        ids = self._renderer.render(self._scene, camera, ["instance_id"], band="visible", spp=1)["instance_id"]
+        mask = self._things.is_of(index, ids[0, ..., 0])
+        return np.pad(mask, ((height,) * 2, (width,) * 2)) if is_inside else mask
 
 
 def sensor_config(settings: Settings) -> StereoDepthSensorConfig:
