@@ -361,20 +361,8 @@ TEST(GltfDraco, CompressedTrianglesAreDecodedAndBrokenOnesAreErrors) {
 }
 
 std::string collada(const std::string& transparent) {
-  std::string text = collada_triangle();
-  const std::string effect =
-      "<library_effects><effect id=\"e\"><profile_COMMON><technique sid=\"c\"><lambert><diffuse><color>0.5 0.5 0.5 1</color></diffuse>" +
-      transparent + "</lambert></technique></profile_COMMON></effect></library_effects>" +
-      "<library_materials><material id=\"k\" name=\"m\"><instance_effect url=\"#e\"/></material></library_materials>";
-  text.insert(text.find("<library_geometries>"), effect);
-  const std::string bound =
-      "<instance_geometry url=\"#g\">"
-      "<bind_material><technique_common><instance_material symbol=\"s\" target=\"#k\"/></technique_common></bind_material>"
-      "</instance_geometry>";
-  for (size_t at = 0; (at = text.find("<instance_geometry url=\"#g\"/>", at)) != std::string::npos; at += bound.size())
-    text.replace(at, std::string("<instance_geometry url=\"#g\"/>").size(), bound);
-  text.insert(text.find("<triangles count=\"1\"") + std::string("<triangles").size(), " material=\"s\"");
-  return text;
+  return collada_with_material("<technique sid=\"c\"><lambert><diffuse><color>0.5 0.5 0.5 1</color></diffuse>" + transparent +
+                               "</lambert></technique>");
 }
 
 /// A triangle of a material with these fields.

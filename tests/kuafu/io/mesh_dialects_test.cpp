@@ -184,17 +184,30 @@ std::string binary_stl(const Solid& solid) {
   return out;
 }
 
+std::string dae_of(const Solid& solid) {
+  std::string points, counts, corners;
+  for (const glm::vec3& p : solid.points) points += words_of(p) + " ";
+  for (const auto& face : solid.faces) {
+    counts += std::to_string(face.size()) + " ";
+    for (const uint32_t i : face) corners += std::to_string(i) + " ";
+  }
+  const size_t count = solid.points.size();
+  std::string text = collada_with_material("<technique sid=\"c\"><lambert/></technique>");
+  text = replaced(text, "count=\"9\">0 0 0 100 0 0 0 100 0", "count=\"" + std::to_string(3 * count) + "\">" + points);
+  text = replaced(text, "count=\"3\" stride", "count=\"" + std::to_string(count) + "\" stride");
+  text = replaced(text, "<triangles count=\"1\"", "<polylist count=\"" + std::to_string(solid.faces.size()) + "\"");
+  text = replaced(text, "<p>0 1 2</p></triangles>", "<vcount>" + counts + "</vcount><p>" + corners + "</p></polylist>");
+  text.erase(text.find("<node id=\"n\""), text.find("<node id=\"m\"") - text.find("<node id=\"n\""));  // one node shows it
+  return replaced(replaced(text, "meter=\"0.01\"", "meter=\"1\""), "Z_UP", "Y_UP");
+}
+
 TEST(MeshDialects, KnownSolidsHaveTheirBoundsAreaVolumeAndTrianglesInEveryFormat) {
   for (const Solid& solid : solids()) {
     Bounds bounds;
     for (const glm::vec3& p : solid.points) bounds = {glm::min(bounds.min, glm::dvec3(p)), glm::max(bounds.max, glm::dvec3(p))};
-    Files files = {{"a.obj", obj_of(solid, false)},
-                   {"back.obj", obj_of(solid, true)},
-                   {"ascii.ply", ascii_ply(solid)},
-                   {"little.ply", binary_ply(solid, false)},
-                   {"big.ply", binary_ply(solid, true)}};
-    files.emplace_back("ascii.stl", ascii_stl(solid));
-    files.emplace_back("binary.stl", binary_stl(solid));
+    const Files files = {{"a.obj", obj_of(solid, false)},          {"back.obj", obj_of(solid, true)},    {"ascii.ply", ascii_ply(solid)},
+                         {"little.ply", binary_ply(solid, false)}, {"big.ply", binary_ply(solid, true)}, {"a.dae", dae_of(solid)},
+                         {"ascii.stl", ascii_stl(solid)},          {"binary.stl", binary_stl(solid)}};
     for (const auto& file : files) {
       SCOPED_TRACE(std::string(solid.name) + " as " + file.first);
       const Loaded loaded = load_files({file});

@@ -64,6 +64,19 @@ inline std::string collada_triangle() {
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>)";
 }
 
+/// collada_triangle() with a material whose effect has this profile; `images` stands before it.
+inline std::string collada_with_material(const std::string& profile, const std::string& images = "") {
+  const std::string material =
+      "<library_materials><material id=\"k\" name=\"m\"><instance_effect url=\"#e\"/></material></library_materials>"
+      "<library_effects><effect id=\"e\"><profile_COMMON>" +
+      profile + "</profile_COMMON></effect></library_effects>";
+  std::string text = replaced(collada_triangle(), "<library_geometries>", images + material + "<library_geometries>");
+  text = replaced(text, "<triangles count=\"1\"", "<triangles count=\"1\" material=\"s\"");
+  return replaced(text, "<instance_geometry url=\"#g\"/>",
+                  "<instance_geometry url=\"#g\"><bind_material><technique_common><instance_material symbol=\"s\" target=\"#k\"/>"
+                  "</technique_common></bind_material></instance_geometry>");
+}
+
 inline constexpr int type_byte = 5120, type_u8 = 5121, type_i16 = 5122, type_u16 = 5123, type_u32 = 5125, type_float = 5126;
 
 class GltfWriter {

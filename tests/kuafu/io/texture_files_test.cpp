@@ -124,23 +124,13 @@ TEST(ImageFile, ASizeBeyondTheBudgetOrTheFileIsRefusedBeforeMemoryIsTaken) {
 
 const std::string obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
 
-/// collada_triangle() whose material takes its diffuse colour from an image.
+/// The material takes its diffuse colour from an image.
 std::string textured_collada(const std::string& image) {
-  std::string text = collada_triangle();
-  const auto put = [&](const std::string& before, const std::string& more) { text.insert(text.find(before), more); };
-  put("<library_geometries>",
-      "<library_images><image id=\"i\"><init_from>" + image +
-          "</init_from></image></library_images><library_materials><material id=\"m\" name=\"m\"><instance_effect "
-          "url=\"#e\"/></material></library_materials><library_effects><effect id=\"e\"><profile_COMMON><newparam "
-          "sid=\"s\"><surface type=\"2D\"><init_from>i</init_from></surface></newparam><newparam sid=\"t\"><sampler2D>"
-          "<source>s</source></sampler2D></newparam><technique sid=\"c\"><lambert><diffuse><texture texture=\"t\" "
-          "texcoord=\"u0\"/></diffuse></lambert></technique></profile_COMMON></effect></library_effects>");
-  text.replace(text.find("<triangles count=\"1\">"), 21, "<triangles count=\"1\" material=\"m\">");
-  for (size_t at = 0; (at = text.find("<instance_geometry url=\"#g\"/>", at)) != std::string::npos;)
-    text.replace(at, 29,
-                 "<instance_geometry url=\"#g\"><bind_material><technique_common><instance_material symbol=\"m\" target=\"#m\"/>"
-                 "</technique_common></bind_material></instance_geometry>");
-  return text;
+  return collada_with_material(
+      "<newparam sid=\"s\"><surface type=\"2D\"><init_from>i</init_from></surface></newparam>"
+      "<newparam sid=\"t\"><sampler2D><source>s</source></sampler2D></newparam>"
+      "<technique sid=\"c\"><lambert><diffuse><texture texture=\"t\" texcoord=\"u0\"/></diffuse></lambert></technique>",
+      "<library_images><image id=\"i\"><init_from>" + image + "</init_from></image></library_images>");
 }
 
 std::string textured_gltf(const std::string& image) {
