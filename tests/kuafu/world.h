@@ -128,6 +128,17 @@ inline Shape quad(const Vec3& centre, const Vec3& a, const Vec3& b) {
   return shape;
 }
 
+/// A wall at distance z, 2 m wide per metre of z, seen by a camera at the origin; uv (0, 0) is at its upper left, (1, 1) at its lower
+/// right.
+inline Shape uv_wall(double z = 1) {
+  const auto s = float(z);
+  Shape shape;
+  shape.positions = {-s, -s, s, s, -s, s, s, s, s, -s, s, s};
+  shape.uvs = {0, 0, 1, 0, 1, 1, 0, 1};
+  shape.indices = {0, 2, 1, 0, 3, 2};
+  return shape;
+}
+
 /// Axis-aligned box, front sides outwards.
 inline Shape box(const Vec3& half, const Vec3& centre = {0, 0, 0}) {
   Shape shape;

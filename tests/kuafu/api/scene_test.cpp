@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene through the C API: every field that the capture format names, ids, instancing, names, cameras, warnings.
+// The scene through the C API: every field that the capture format names, ids, instancing, names.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,12 +14,7 @@ using namespace scene_test;
 class SceneApi : public testing::Test {
  protected:
   void SetUp() override {
-    ks_device_desc desc = ks_device_desc_init();
-    desc.log = [](void* user, uint32_t level, const char* text) {
-      if (level == KS_LOG_WARNING) static_cast<std::vector<std::string>*>(user)->emplace_back(text);
-    };
-    desc.log_user = &warnings_;
-    ASSERT_EQ(kuafu_device_create(&desc, &device_), KS_OK) << kuafu_last_error();
+    ASSERT_EQ(kuafu_device_create(nullptr, &device_), KS_OK) << kuafu_last_error();
     ASSERT_EQ(kuafu_scene_create(device_, &scene_), KS_OK) << kuafu_last_error();
   }
   void TearDown() override {
@@ -53,7 +48,6 @@ class SceneApi : public testing::Test {
     EXPECT_NE(std::string(kuafu_last_error()).find(part), std::string::npos) << kuafu_last_error();
   }
 
-  std::vector<std::string> warnings_;
   kuafu_device device_ = nullptr;
   kuafu_scene scene_ = nullptr;
 };
@@ -145,38 +139,6 @@ TEST_F(SceneApi, AFailedLoadLeavesTheSceneAndNamesTheFile) {
   EXPECT_EQ(summary().mesh_count, 1u);
   EXPECT_EQ(summary().material_count, 0u);
   expect_invalid(kuafu_scene_load(scene_, nullptr, nullptr, nullptr), "path is NULL");
-}
-
-TEST_F(SceneApi, WhatIsIgnoredGoesToTheLog) {
-  GltfWriter w;
-  w.root["cameras"] = {{{"type", "orthographic"}, {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0}, {"zfar", 1}}}}};
-  w.triangle();
-  w.node({{"mesh", 0}, {"camera", 0}});
-  const Folder folder;
-  w.write_gltf(folder / "scene.gltf");
-  ASSERT_EQ(kuafu_scene_load(scene_, (folder / "scene.gltf").c_str(), nullptr, nullptr), KS_OK) << kuafu_last_error();
-  const auto about_camera = [](const std::string& text) { return text.find("'orthographic' is ignored") != std::string::npos; };
-  EXPECT_EQ(std::count_if(warnings_.begin(), warnings_.end(), about_camera), 1);
-  EXPECT_EQ(summary().camera_count, 0u);
-}
-
-TEST_F(SceneApi, CamerasOfAFileProjectAsTheHeaderSays) {
-  GltfWriter w;
-  w.root["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 0.8}, {"aspectRatio", 2.0}, {"znear", 0.01}}}}};
-  w.node({{"camera", 0}, {"translation", {0, 1, 0}}});
-  const Folder folder;
-  w.write_gltf(folder / "scene.gltf");
-  ASSERT_EQ(kuafu_scene_load(scene_, (folder / "scene.gltf").c_str(), nullptr, nullptr), KS_OK) << kuafu_last_error();
-  kuafu_camera_desc c = kuafu_camera_desc_init();
-  ASSERT_EQ(kuafu_scene_get_camera(scene_, 0, &c), KS_OK) << kuafu_last_error();
-  EXPECT_EQ(c.height, 0u);
-  const double rows = 100, fy = rows * c.k[4], cy = rows * c.k[5] - 0.5, cx = rows * c.k[2] - 0.5;
-  EXPECT_NEAR(cx, 99.5, 1e-12) << "the middle of 200 columns";
-  EXPECT_NEAR(fy * std::tan(0.4) + cy, 99.5, 1e-9) << "half the field of view is at the lower edge of the last row";
-  EXPECT_EQ(c.camera_to_world[7], 1.0);
-  EXPECT_EQ(c.camera_to_world[10], -1.0) << "forward is the file's -z";
-  EXPECT_EQ(c.camera_to_world[5], -1.0) << "down is the file's -y";
-  expect_invalid(kuafu_scene_get_camera(scene_, 1, &c), "there is no camera 1");
 }
 
 TEST_F(SceneApi, LightsAndMaterialsAreSetAndReadBack) {

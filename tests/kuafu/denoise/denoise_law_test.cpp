@@ -44,6 +44,21 @@ class Denoise : public testing::TestWithParam<uint32_t> {
     world_.desc().denoise = kind;
     return world_.render({of}, groups);
   }
+  /// A wall 4 m wide, which are 120 px, in even light, with a texture that is repeated so often.
+  void add_textured(const std::vector<float>& texels, float repeat) {
+    kuafu_material_desc material = lambert(1);
+    material.base_color_texture = world_.add_texture(texture_of(texels, 2));
+    Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
+    wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
+    world_.add(wall, material);
+    world_.set_environment(1);
+  }
+  void expect_half_of_the_error(uint32_t samples, const kuafu_view_desc& of = view()) {
+    const Pixels plain = render(samples, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT],
+                 clean = render(samples, KUAFU_DENOISE_ATROUS, of)[KUAFU_OUTPUT_AMBIENT],
+                 truth = render(128, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT];
+    EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
+  }
   World world_;
 };
 
@@ -70,41 +85,22 @@ TEST_P(Denoise, even_light_stays_even) {
 
 TEST_P(Denoise, textures_come_back_finer_than_the_samples) {
   // A checkerboard of half a pixel's period: every pixel's square has the mean albedo, its two samples do not.
-  kuafu_material_desc material = lambert(1);
-  material.base_color_texture = world_.add_texture(texture_of(std::vector{0.2f, 0.8f, 0.8f, 0.2f}, 2));
-  Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
-  const float repeat = 120;  // 4 m are 120 px
-  wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
-  world_.add(wall, material);
-  world_.set_environment(1);
+  add_textured({0.2f, 0.8f, 0.8f, 0.2f}, 120);
   world_.desc().max_bounces = 0;
-  const Pixels plain = render(2, KUAFU_DENOISE_NONE)[KUAFU_OUTPUT_AMBIENT], clean = render(2, KUAFU_DENOISE_ATROUS)[KUAFU_OUTPUT_AMBIENT],
-               truth = render(128, KUAFU_DENOISE_NONE)[KUAFU_OUTPUT_AMBIENT];
-  EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
+  expect_half_of_the_error(2);
 }
 
 TEST_P(Denoise, what_lens_and_motion_blur_stays_blurred) {
   // Stripes as wide as the blur is long: every pixel sees dark and bright ones.
-  kuafu_material_desc material = lambert(1);
-  material.base_color_texture = world_.add_texture(texture_of(std::vector{0.1f, 0.9f}, 2));
-  Shape wall = quad({0, 0, 2}, {-2, 0, 0}, {0, 2, 0});
-  const float repeat = 15;  // 4 m are 120 px: stripes of 4
-  wall.uvs = {0, 0, repeat, 0, repeat, repeat, 0, repeat};
-  world_.add(wall, material);
+  add_textured({0.1f, 0.9f}, 15);
   world_.add(sphere(0.25, 16, true), lambert(0.8f), placed({0.2, 0.1, 1.2}));
-  world_.set_environment(1);
   world_.desc().max_bounces = 1;
   kuafu_view_desc moving = view(), defocused = view();
   moving.camera.exposure_s = 0.01;
   moving.camera.linear_velocity[0] = 27;  // 8 px at the wall
   defocused.camera.lens_radius_m = 0.1;
   defocused.camera.focus_m = 1.2;  // 2 px at the wall, in radius
-  for (const kuafu_view_desc& of : {moving, defocused}) {
-    const Pixels plain = render(4, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT],
-                 clean = render(4, KUAFU_DENOISE_ATROUS, of)[KUAFU_OUTPUT_AMBIENT],
-                 truth = render(128, KUAFU_DENOISE_NONE, of)[KUAFU_OUTPUT_AMBIENT];
-    EXPECT_LT(rms(clean, truth), 0.5 * rms(plain, truth));
-  }
+  for (const kuafu_view_desc& of : {moving, defocused}) expect_half_of_the_error(4, of);
 }
 
 INSTANTIATE_TEST_SUITE_P(, Denoise, testing::Values(KUAFU_TRACER_EMBREE, KUAFU_TRACER_COMPUTE), stages_name);

@@ -17,16 +17,6 @@ uint32_t add_alpha_texture(World& world, const std::vector<uint8_t>& alpha, uint
   return world.add_texture(t);
 }
 
-/// A wall at distance z, 2 m wide per metre of z, whose uvs are 0..1.
-Shape wall(double z) {
-  const auto s = float(z);
-  Shape shape;
-  shape.positions = {-s, -s, s, s, -s, s, s, s, s, -s, s, s};
-  shape.uvs = {0, 0, 1, 0, 1, 1, 0, 1};
-  shape.indices = {0, 2, 1, 0, 3, 2};
-  return shape;
-}
-
 kuafu_material_desc with_alpha(uint32_t mode, float alpha) {
   kuafu_material_desc m = lambert(0);
   m.alpha_mode = mode;
@@ -44,8 +34,8 @@ TEST_P(Alpha, a_mask_has_holes_for_depth_light_and_shadows) {
   kuafu_material_desc m = with_alpha(KUAFU_ALPHA_MASK, 1);
   m.alpha_cutoff = 100 / 255.0f;
   m.base_color_texture = add_alpha_texture(world, {99, 101, 255, 0}, 2);  // holes at the upper left and the lower right
-  world.add(wall(1), m);
-  world.add(wall(2), lambert(1));
+  world.add(uv_wall(1), m);
+  world.add(uv_wall(2), lambert(1));
   world.add_point({0, 0, 0}, float(4 * pi));
   world.take(1, 0);
   auto images = world.render({view_at({0, 0, 0}, 32, 32, 16)}, {KUAFU_OUTPUT_DEPTH, KUAFU_OUTPUT_RADIANCE});
@@ -83,8 +73,8 @@ TEST_P(Alpha, a_sheet_takes_its_share_of_the_light_from_behind) {
 
 TEST_P(Alpha, an_opaque_material_pays_no_heed_to_alpha_and_one_that_changes_is_followed) {
   World world(GetParam());
-  world.add(wall(1), with_alpha(KUAFU_ALPHA_OPAQUE, 0));
-  world.add(wall(2), lambert(1));
+  world.add(uv_wall(1), with_alpha(KUAFU_ALPHA_OPAQUE, 0));
+  world.add(uv_wall(2), lambert(1));
   const auto depth = [&] { return world.image(view_at({0, 0, 0}, 4, 4, 4), KUAFU_OUTPUT_DEPTH).at(0, 1, 1); };
   EXPECT_NEAR(depth(), 1, 1e-5);
   kuafu_material_desc masked = with_alpha(KUAFU_ALPHA_MASK, 0);

@@ -8,15 +8,6 @@ namespace {
 
 using namespace scene_test;
 
-// A wall at z = 1 whose uv (0, 0) is at the upper left of the image and (1, 1) at the lower right, in an environment of radiance 1.
-Shape wall() {
-  Shape shape;
-  shape.positions = {-1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1};
-  shape.uvs = {0, 0, 1, 0, 1, 1, 0, 1};
-  shape.indices = {0, 2, 1, 0, 3, 2};
-  return shape;
-}
-
 uint32_t add_texture(World& world, const std::vector<uint8_t>& texels, uint32_t width, uint32_t channels, bool srgb) {
   kuafu_texture_desc t = texture_of(texels, width, channels);
   t.srgb = srgb;
@@ -34,7 +25,7 @@ TEST(Textures, row_zero_is_at_the_top_and_colours_are_decoded) {
   m.base_color[1] = 0.5f;
   // Red, green / blue, grey; each covers 64 x 64 pixels and is read at its centre.
   m.base_color_texture = add_texture(world, {255, 0, 0, 0, 255, 0, 0, 0, 255, 128, 128, 128}, 2, 3, true);
-  world.add(wall(), m);
+  world.add(uv_wall(), m);
   const Pixels image = world.radiance(visible_view(128));
   const double grey = 0.21586;  // of 128 / 255, IEC 61966-2-1
   const double expected[4][3] = {{1, 0, 0}, {0, 0.5, 0}, {0, 0, 1}, {grey, grey / 2, grey}};
@@ -54,7 +45,7 @@ TEST(Textures, infrared_takes_red_unless_it_has_its_own_albedo) {
     kuafu_material_desc m = lambert(1.0f);
     m.base_color_texture = add_texture(world, {102, 255, 255}, 1, 3, false);
     if (own) m.ir_albedo = 0.7f;
-    world.add(wall(), m);
+    world.add(uv_wall(), m);
     EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 100)).mean(), own ? 0.7 : 0.4, 1e-3);
   }
 }
@@ -65,7 +56,7 @@ TEST(Textures, a_flat_normal_map_changes_nothing_and_a_tilted_one_turns_the_surf
     World world;
     kuafu_material_desc m = lambert(1.0f);
     m.normal_texture = tilted ? add_texture(world, {191, 128, 238}, 1, 3, false) : add_texture(world, {128, 128, 255}, 1, 3, false);
-    world.add(wall(), m);
+    world.add(uv_wall(), m);
     world.add_point({0, 0, -999}, 1e6f * float(pi));
     world.desc().max_bounces = 0;
     auto images = world.render({view_at({0, 0, 0}, 8, 8, 100)}, {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_NORMAL});
@@ -85,7 +76,7 @@ TEST(Textures, transmission_and_specular_maps_multiply_their_factors) {
   m.transmission = 1;
   m.transmission_texture = add_texture(world, {0}, 1, 1, false);
   m.specular_texture = add_texture(world, {255, 255, 255, 0}, 1, 4, false);
-  world.add(wall(), m);
+  world.add(uv_wall(), m);
   for (const float v : world.radiance(view_at({0, 0, 0}, 8, 8, 100)).values) ASSERT_NEAR(v, 0.5f, 1e-3);
 }
 
@@ -143,7 +134,7 @@ TEST_P(TextureLookup, every_wrap_and_filter_reads_the_texel_that_it_should) {
         t.wrap_u = wrap_u, t.wrap_v = wrap_v, t.filter = filter;
         kuafu_material_desc m = lambert(1);
         m.base_color_texture = world.add_texture(t);
-        Shape shape = wall();
+        Shape shape = uv_wall();
         shape.uvs = corners(low, high);
         world.add(shape, m);
         const Pixels image = albedo(world);
@@ -163,7 +154,7 @@ TEST_P(TextureLookup, the_second_set_and_a_transform_move_the_image_in_paths_too
   std::memcpy(t.uv_transform, rows, sizeof rows);
   kuafu_material_desc m = lambert(1);
   m.base_color_texture = world.add_texture(t);
-  Shape shape = wall();
+  Shape shape = uv_wall();
   shape.uvs = corners(5, 6);
   shape.uvs_1 = corners(0, 1);
   world.add(shape, m);
@@ -186,7 +177,7 @@ TEST_P(TextureLookup, vertex_colours_multiply_and_infrared_takes_their_red) {
     World world(GetParam());
     kuafu_material_desc m = lambert(0.5f);
     if (own_albedo) m.ir_albedo = 0.25f;
-    Shape shape = wall();
+    Shape shape = uv_wall();
     shape.colors = {0, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1};  // red grows with u
     world.add(shape, m);
     const Pixels infrared = albedo(world);
@@ -215,7 +206,7 @@ TEST_P(TextureLookup, normals_are_scaled_and_turn_with_the_image) {
       kuafu_material_desc m = lambert(1);
       m.normal_texture = world.add_texture(t);
       m.normal_scale = scale;
-      Shape shape = wall();
+      Shape shape = uv_wall();
       shape.uvs = shape.uvs_1 = corners(0, 0);
       (turned ? shape.uvs_1 : shape.uvs) = corners(0, 1);
       world.add(shape, m);
