@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstring>
 #include <filesystem>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <mutex>
@@ -135,6 +136,21 @@ std::vector<float> matched(simsense_device device) {
   return match.disparity;
 }
 
+/// Runs with memory that ends after 0, 1, 2, ... blocks, until it suffices.
+void expect_one_error_until_it_suffices(Memory& memory, const char* (*last_error)(), const std::function<ks_status()>& run) {
+  int failures = 0;
+  for (;; ++failures) {
+    memory.refuse_after(failures);
+    const ks_status status = run();
+    if (status == KS_OK) break;
+    ASSERT_EQ(status, KS_ERROR_OUT_OF_HOST_MEMORY) << last_error();
+    EXPECT_TRUE(says(last_error(), "the host's allocate gave nothing for")) << last_error();
+    ASSERT_LT(failures, 1000);
+  }
+  EXPECT_GT(failures, 3);
+  memory.refuse_after(INT64_MAX);
+}
+
 class HostThreads : public testing::TestWithParam<Order> {};
 
 TEST_P(HostThreads, RunAllOfAMatchAndNoOthersAreStarted) {
@@ -210,17 +226,7 @@ TEST(HostMemoryOfKuafu, ThatEndsIsOneErrorAndTheRendererStaysUsable) {
   {
     SmallRender render(KUAFU_TRACER_EMBREE, device);
     render.desc.samples_per_pixel = 4;
-    int failures = 0;
-    for (ks_status status = KS_ERROR_INTERNAL; status != KS_OK; ++failures) {
-      memory.refuse_after(failures);
-      status = render.render();
-      if (status == KS_OK) break;
-      ASSERT_EQ(status, KS_ERROR_OUT_OF_HOST_MEMORY) << kuafu_last_error();
-      EXPECT_TRUE(says(kuafu_last_error(), "the host's allocate gave nothing for")) << kuafu_last_error();
-      ASSERT_LT(failures, 1000);
-    }
-    EXPECT_GT(failures, 3);
-    memory.refuse_after(INT64_MAX);
+    expect_one_error_until_it_suffices(memory, kuafu_last_error, [&] { return render.render(); });
     EXPECT_EQ(render.image(), rendered(open_test_device<Kuafu>(), 4));
   }
   EXPECT_EQ(memory.live_bytes(), 0u);
@@ -253,15 +259,7 @@ TEST(HostMemoryOfSimsense, ThatEndsIsOneErrorAndTheEngineStaysUsable) {
   ASSERT_NE(device, nullptr) << simsense_last_error();
   {
     SmallMatch match(device);
-    int failures = 0;
-    for (;; ++failures) {
-      memory.refuse_after(failures);
-      const ks_status status = simsense_engine_compute(match.engine, &match.desc);
-      if (status == KS_OK) break;
-      ASSERT_EQ(status, KS_ERROR_OUT_OF_HOST_MEMORY) << simsense_last_error();
-      EXPECT_TRUE(says(simsense_last_error(), "the host's allocate gave nothing for")) << simsense_last_error();
-    }
-    EXPECT_GT(failures, 3);
+    expect_one_error_until_it_suffices(memory, simsense_last_error, [&] { return simsense_engine_compute(match.engine, &match.desc); });
     EXPECT_EQ(match.disparity, own);
   }
   EXPECT_EQ(memory.live_bytes(), 0u);
