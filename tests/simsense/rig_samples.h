@@ -10,6 +10,13 @@
 
 namespace simsense_test {
 
+/// Something wrong with a struct, and what is said of it.
+template <class T>
+struct Fault {
+  const char* says;
+  void (*make)(T&);
+};
+
 inline simsense_camera camera(uint32_t width, uint32_t height, double f) {
   simsense_camera c{};
   c.width = width;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Each bad argument gives KS_ERROR_INVALID_ARGUMENT, and a text that holds the offending number.
 #include <cmath>
-#include <string>
 
 #include "simsense/api/sensor.h"
 #include "simsense/rig_samples.h"

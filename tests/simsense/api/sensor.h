@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "simsense/simsense.h"
+#include "simsense/rig_samples.h"
 
 namespace simsense_test {
 
@@ -112,13 +112,6 @@ inline void expect_refused(ks_status status, const std::string& text) {
   EXPECT_EQ(status, KS_ERROR_INVALID_ARGUMENT) << text;
   expect_text(text);
 }
-
-/// Something wrong with a struct, and what is said of it.
-template <class T>
-struct Fault {
-  const char* says;
-  void (*make)(T&);
-};
 
 /// One output of one pair of 8-bit images.
 template <class T>

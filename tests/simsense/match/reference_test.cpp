@@ -295,19 +295,15 @@ TEST(right_winner, follows_the_diagonal_of_the_volume) {
 }
 
 TEST(confidence, is_the_margin_that_the_uniqueness_test_asks_for) {
-  Volume<uint16_t> cost(1, 1, 6);
-  cost.data = {90, 60, 30, 35, 40, 80};
+  const auto cost = volume(1, 1, 6, {90, 60, 30, 35, 40, 80});
   EXPECT_FLOAT_EQ(confidence(cost).data[0], 1.0f - 30.0f / 40.0f);
   EXPECT_GE(left_winner(cost, 25, Subpixel::none, nullptr).data[0], 0.0f);
   EXPECT_EQ(left_winner(cost, 26, Subpixel::none, nullptr).data[0], -1.0f);
-  cost.data = {0, 0, 0, 0, 0, 0};
-  EXPECT_EQ(confidence(cost).data[0], 0.0f);
+  EXPECT_EQ(confidence(volume(1, 1, 6, {0, 0, 0, 0, 0, 0})).data[0], 0.0f);
 }
 
 TEST(equiangular_summed, looks_at_the_aggregated_costs_alone) {
-  Volume<uint16_t> summed(1, 1, 5), block(1, 1, 5);
-  summed.data = {90, 60, 10, 50, 90};
-  block.data = {9, 8, 2, 6, 9};
+  const auto summed = volume(1, 1, 5, {90, 60, 10, 50, 90}), block = volume(1, 1, 5, {9, 8, 2, 6, 9});
   EXPECT_FLOAT_EQ(left_winner(summed, 0, Subpixel::equiangular_summed, &block).data[0], 2.0f + (60 - 50) / 100.0f);
 }
 

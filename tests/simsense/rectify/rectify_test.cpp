@@ -135,11 +135,7 @@ TEST(Remap, KeepsWholePixelsAndFadesOutOverTheBorder) {
 }
 
 TEST(Rig, EachFaultIsRefusedWithItsNumber) {
-  struct Fault {
-    const char* says;
-    void (*make)(simsense_rig_desc&);
-  };
-  const Fault faults[] = {
+  const Fault<simsense_rig_desc> faults[] = {
       {"31x240", [](simsense_rig_desc& r) { r.left.width = r.right.width = 31; }},
       {"right is 321x240", [](simsense_rig_desc& r) { r.right.width = 321; }},
       {"fx = -215", [](simsense_rig_desc& r) { r.left.k[0] = -215; }},
@@ -160,7 +156,7 @@ TEST(Rig, EachFaultIsRefusedWithItsNumber) {
       {"left_to_rgb[3] = nan", [](simsense_rig_desc& r) { r.rgb = r.left, r.left_to_rgb[3] = NAN; }},
       {"side by side", [](simsense_rig_desc& r) { r.rectified = 0, r.left_to_right[3] = -0.001, r.left_to_right[7] = -0.05; }},
   };
-  for (const Fault& fault : faults) {
+  for (const auto& fault : faults) {
     simsense_rig_desc rig = ideal_rig();
     fault.make(rig);
     EXPECT_NE(refusal(rig).find(fault.says), std::string::npos) << "wanted '" << fault.says << "', got '" << refusal(rig) << "'";

@@ -19,12 +19,6 @@ double relative_error_of_variance(double excess_kurtosis = 0) { return 5 * std::
 
 double mean_of_field(const std::vector<double>& counts) { return std::accumulate(counts.begin(), counts.end(), 0.0) / field_pixels; }
 
-simsense_signal sixteen_bits() {
-  simsense_signal s = simsense_signal_init();
-  s.bit_depth = 16;
-  return s;
-}
-
 /// Values spread evenly from `low` on over `range`, in no order.
 std::vector<float> spread_over(double low, double range) {
   std::vector<float> image(static_cast<size_t>(field_pixels));
@@ -76,7 +70,7 @@ class ShotNoise : public testing::TestWithParam<float> {};
 
 TEST_P(ShotNoise, HasThePoissonLaw) {
   const double mean = GetParam();
-  simsense_signal s = sixteen_bits();
+  simsense_signal s = fine_signal(1, 0);
   s.shot_noise = 1;
   const auto counts = flat(s, GetParam());
   const Moments m = moments(counts);
@@ -93,7 +87,7 @@ TEST_P(ShotNoise, HasThePoissonLaw) {
 INSTANTIATE_TEST_SUITE_P(Means, ShotNoise, testing::Values(0.2f, 1.0f, 4.5f, 9.9f, 10.1f, 40.0f, 1000.0f, 40000.0f));
 
 TEST(ShotNoiseAmount, ScalesTheDeviation) {
-  simsense_signal s = sixteen_bits();
+  simsense_signal s = fine_signal(1, 0);
   for (const float amount : {0.5f, 3.0f}) {
     s.shot_noise = amount;
     const double variance = amount * amount * light_e;
@@ -187,7 +181,7 @@ TEST(DarkSignal, GrowsWithTimeAndDoublesWithTemperature) {
 }
 
 TEST(DarkSignal, HasShotNoise) {
-  simsense_signal s = sixteen_bits();
+  simsense_signal s = fine_signal(1, 0);
   s.dark_current_e_per_s = 500;
   s.shot_noise = 1;
   EXPECT_NEAR(moments(flat(s, 0)).variance / 500, 1, relative_error_of_variance());
@@ -212,7 +206,7 @@ TEST(HotPixels, AreAFixedShareOfExponentialStrength) {
 }
 
 TEST(FullWell, CutsChargeAndItsNoise) {
-  simsense_signal s = sixteen_bits();
+  simsense_signal s = fine_signal(1, 0);
   s.shot_noise = 1;
   s.full_well_e = 5000;
   const Moments full = moments(flat(s, 6000)), half = moments(flat(s, 5000));
@@ -222,7 +216,7 @@ TEST(FullWell, CutsChargeAndItsNoise) {
 }
 
 TEST(Blooming, ConservesCharge) {
-  simsense_signal s = sixteen_bits();
+  simsense_signal s = fine_signal(1, 0);
   s.full_well_e = 1000;
   s.blooming = 1;
   const auto counts = spot(s, 300, 5000, 3, 7);
@@ -245,7 +239,7 @@ TEST(Response, IsMonotoneAndInvertible) {
   std::vector<float> ramp(static_cast<size_t>(field_pixels));
   for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = 65535.0f * static_cast<float>(i) / static_cast<float>(ramp.size() - 1);
   for (const float exponent : {0.45f, 0.8f, 1.3f, 2.2f}) {
-    simsense_signal s = sixteen_bits();
+    simsense_signal s = fine_signal(1, 0);
     s.response_exponent = exponent;
     const auto counts = measure(s, {}, ramp);
     EXPECT_TRUE(std::is_sorted(counts.begin(), counts.end()));

@@ -5,8 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "capi/device/devices.h"
 #include "simsense/reference/imager.h"
 #include "simsense/signal/signal_samples.h"
