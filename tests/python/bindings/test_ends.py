@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import kuafu
+from sensor_scenes import lit_triangle
 
 K = np.array([[60, 0, 32], [0, 60, 32], [0, 0, 1.0]])
 TRIANGLE = np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32)
@@ -26,13 +27,6 @@ camera = kuafu.Camera(64, 64, np.array([[60, 0, 32], [0, 60, 32], [0, 0, 1.0]]))
 renderer = kuafu.Renderer(device, tracer=sys.argv[1])
 renderer.render(scene, camera, spp=1)
 """
-
-
-def lit_triangle(device: kuafu.Device) -> kuafu.Scene:
-    scene = kuafu.Scene(device)
-    scene.add_instance(scene.add_mesh(TRIANGLE, [[0, 1, 2]]))
-    scene.set_environment((1, 1, 1))
-    return scene
 
 
 DAEMON = """

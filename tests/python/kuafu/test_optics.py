@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""kuafu's optics beside the effects of the same name: one definition, wherever it runs."""
+"""kuafu's optics beside the effects of the same name: one definition, wherever it runs. And its denoiser."""
 
 from dataclasses import replace
 
@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import kuafu
+from activestereo import StereoDepthSensor
+from activestereo.common.pose import body_pose
 from activestereo.effects import Light, Stage, builtin
 from activestereo.effects.core.laws import example_view
 
@@ -86,3 +88,33 @@ def test_a_blurred_pixel_sees_beyond_its_square(device, blur_px):
     row = kuafu.Renderer(device).render(scene, camera, ["radiance"], **options)["radiance"][0, 4, :, 0]
     beside = blur_px / 8
     np.testing.assert_allclose(row, [0, 0, 0, 0, beside, 1 - beside, 1, 1, 1], atol=0.02)
+
+
+def test_a_denoiser_that_is_not_there_is_named(device):
+    scene, camera = kuafu.Scene(device), kuafu.Camera(WIDTH, HEIGHT, K)
+    with pytest.raises(kuafu.ArgumentError, match=r"unknown denoise 'svgf' \(known: none, atrous, oidn\)"):
+        kuafu.Renderer(device).render(scene, camera, denoise="svgf")
+    with pytest.raises(kuafu.Error, match="KUAFU_OIDN_LIBRARY.*no/such/library"):
+        kuafu.Renderer(device, oidn_library="/no/such/library.so").render(scene, camera, denoise="oidn")
+
+
+def test_sensor_denoises_and_has_optics(device, table_top, small_config):
+    scene = kuafu.Scene(device)
+    scene.load(table_top)
+    pose = body_pose(scene.camera(0).camera_to_world)
+
+    def infrared(**changes):
+        for name, value in changes.items():
+            setattr(small_config, name, value)
+        sensor = StereoDepthSensor(small_config, scene, pose=pose)
+        sensor.take_picture(infrared_only=True)
+        image = sensor.get_ir()[0].copy()
+        sensor.close()
+        return image
+
+    plain, clean = infrared(), infrared(denoise="atrous")
+    dim = infrared(ir_optics={"vignetting_exponent": 4.0})
+    assert np.abs(np.diff(clean, 2)).mean() < np.abs(np.diff(plain, 2)).mean()
+    assert clean.mean() == pytest.approx(plain.mean(), rel=0.02)
+    assert dim[:20, :20].mean() < 0.8 * clean[:20, :20].mean()
+    assert dim[110:130, 200:220].mean() == pytest.approx(clean[110:130, 200:220].mean(), rel=0.02)

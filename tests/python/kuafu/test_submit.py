@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import kuafu
+from sensor_scenes import lit_triangle
 
-TRIANGLE = np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32)
 CAMERA = kuafu.Camera(64, 48, np.array([[60, 0, 32], [0, 60, 24], [0, 0, 1.0]]))
 HOURS = 10**8  # samples
 
@@ -21,10 +21,7 @@ def renderer(device: kuafu.Device, request: pytest.FixtureRequest) -> kuafu.Rend
 
 @pytest.fixture
 def scene(device: kuafu.Device) -> kuafu.Scene:
-    scene = kuafu.Scene(device)
-    scene.add_instance(scene.add_mesh(TRIANGLE, [[0, 1, 2]]))
-    scene.set_environment((1, 1, 1))
-    return scene
+    return lit_triangle(device)
 
 
 def test_two_under_way_have_the_bits_of_two_in_turn(renderer: kuafu.Renderer, scene: kuafu.Scene) -> None:

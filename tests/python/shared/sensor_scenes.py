@@ -20,6 +20,14 @@ def wall_scene(distance_m: float) -> kuafu.Scene:
     return scene
 
 
+def lit_triangle(device: kuafu.Device) -> kuafu.Scene:
+    """A triangle at 2 m before the world's origin, in even light."""
+    scene = kuafu.Scene(device)
+    scene.add_instance(scene.add_mesh(np.array([[-9, -9, 2], [9, -9, 2], [0, 9, 2]], np.float32), [[0, 1, 2]]))
+    scene.set_environment((1, 1, 1))
+    return scene
+
+
 def with_depth(sensor, infrared_only=False):
     """The sensor, or batch, after a picture and its depth."""
     sensor.take_picture(infrared_only=infrared_only)
