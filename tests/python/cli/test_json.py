@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 
-from activestereo.capture.images import write_gray
 from activestereo.cli import arguments, main
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
 from command_line import leaves
@@ -22,14 +21,6 @@ def said(capsys):
         return json.loads(capsys.readouterr().out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
 
     return run
-
-
-@pytest.fixture
-def pair(tmp_path):
-    wide = np.random.default_rng(1).integers(0, 256, (96, 172), dtype=np.uint8)
-    write_gray(tmp_path / "left.png", wide[:, :160].copy())
-    write_gray(tmp_path / "right.png", wide[:, 12:].copy())
-    return tmp_path / "left.png", tmp_path / "right.png"
 
 
 def test_all_commands_that_print_tables_have_the_option():
@@ -68,10 +59,11 @@ def test_noise_of_a_calibration(said, tmp_path):
 
 
 def test_depth_and_pair(said, pair, tmp_path):
-    found = said("depth", *pair, *K, "--max-disparity", 32, "--out", tmp_path / "depth")
+    images = pair / "left.png", pair / "right.png"
+    found = said("depth", *images, *K, "--max-disparity", 32, "--out", tmp_path / "depth")
     assert found["median_depth_m"] == pytest.approx(0.5, abs=0.01) and found["measured_share"] > 0.7
     assert found["matching"]["max_disparity"] == 32 and found["stages_ms"]["depth"] and found["hints"] == []
-    found = said("pair", *pair, *K, "--out", tmp_path / "pair")
+    found = said("pair", *images, *K, "--out", tmp_path / "pair")
     assert found == json.loads((tmp_path / "pair/pair.json").read_text()) and found["findings"]
 
 
