@@ -32,8 +32,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates, shift
 
 import kuafu
 from activestereo import StereoDepthSensor, StereoDepthSensorConfig
-from activestereo.benchmarks.real_views import STATISTICS, statistics
-from activestereo.benchmarks.real_views import planar_patches
+from activestereo.benchmarks.real_views import STATISTICS, planar_patches, statistics
 from activestereo.common.pose import body_pose
 from activestereo.scene_io.example_scene import write_table_top
 from activestereo.scene_io.staging import ROOM_RADIANCE

@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 
 import kuafu
 import simsense
-from activestereo.calibrate.material_fit import MaterialFit, light_intensities
-from activestereo.calibrate.material_fit import MaterialScene, Picture
+from activestereo.calibrate.material_fit import MaterialFit, MaterialScene, Picture, light_intensities
 from activestereo.calibrate.materials import calibrate_materials
 from activestereo.capture.capture import read_capture
 from mitsuba_scene import grey, mitsuba

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kuafu
-from activestereo.common.pose import rigid_motion
+from activestereo.common.pose import look_at, rigid_motion
 from activestereo.scene_io import meshes
 import mitsuba_scene
-from activestereo.common.pose import look_at
 
 Image = NDArray[np.float64]
 Point = tuple[float, float, float]

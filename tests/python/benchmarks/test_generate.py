@@ -24,11 +24,11 @@ from activestereo.benchmarks.generate.run import generate
 from activestereo.benchmarks.generate.studio import Frame, Ranges, Settings, Studio, Things
 from activestereo.benchmarks.generate.studio import drop, scatter, sensor_config
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.cli import generate as command
-from activestereo.cli import main
+from activestereo.cli import generate as command, main
 from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes, usd
 from activestereo.scene_io.gltf_writer import GltfWriter
+from command_line import refused
 
 RADIUS_M = 0.05
 SIZE = (96, 72)
@@ -279,9 +279,7 @@ def test_what_is_wrong_is_said(things: tuple[Path, ...], tmp_path: Path, capsys:
     ball = str(things[0])
 
     def fails(*arguments: str) -> str:
-        assert main(["generate", *arguments, "--out", str(tmp_path / "out")]) == 2
-        (line,) = capsys.readouterr().err.strip().splitlines()
-        return line
+        return refused(["generate", *arguments, "--out", tmp_path / "out"], capsys)
 
     assert "nowhere.glb: there is no such file" in fails(str(tmp_path / "nowhere.glb"))
     ranges = tmp_path / "ranges.toml"
@@ -381,6 +379,5 @@ def test_what_is_missing_is_said_before_anything_is_made(tmp_path, monkeypatch, 
     monkeypatch.setitem(formats.FORMATS, "mcap", (package, None))
     assert tuple(formats.FORMATS) == command.FORMATS
     options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "mcap"]
-    assert main(options) == 2
-    assert "pip install rosbags" in capsys.readouterr().err
+    assert "pip install rosbags" in refused(options, capsys)
     assert not (tmp_path / "set").exists()

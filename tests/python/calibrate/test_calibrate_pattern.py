@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from activestereo import StereoDepthSensorConfig
 from activestereo.model.write import replace_sections
 from activestereo.calibrate.pattern import _align_right_spots, _meeting_point, _variance_of_mean, calibrate_pattern
-from activestereo.calibrate.wall import Spots, find_spots
-from activestereo.calibrate.wall import ProjectorView, find_wall
+from activestereo.calibrate.wall import ProjectorView, Spots, find_spots, find_wall
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.model import SensorModel, read_model

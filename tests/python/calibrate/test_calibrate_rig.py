@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from activestereo.calibrate.rig import Board
+from activestereo.calibrate.rig import Board, BoardView, calibrate
 from activestereo.calibrate.hand_eye import hand_eye, read_poses
 from activestereo.calibrate.least_squares import difference
-from activestereo.calibrate.rig import BoardView, calibrate
 from activestereo.capture.images import write_gray
 from activestereo.model import read_model
 from board_worlds import BOARD, RigWorld, matrix, projected

@@ -6,7 +6,7 @@ import pytest
 from activestereo import StereoDepthSensorConfig
 from activestereo.camera.plan import pattern_of
 from activestereo.camera.camera_file import BASES, FIELDS, FOLDER, camera_names, read_camera
-from activestereo.cli import main
+from command_line import refused, run_here
 
 BASE = 'name = "mine"\ntitle = "My camera"\nbased_on = "d435"\n'
 
@@ -81,14 +81,11 @@ def test_what_is_wrong_with_a_file_is_told(case, tmp_path):
 
 
 def test_the_command_prints_all_cameras_and_one(capsys):
-    assert main(["presets"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = run_here(capsys, "presets").stdout.splitlines()
     assert len(lines) == 1 + len(list(FOLDER.glob("*.toml")))
     assert any(line.startswith("D435i ") and "17 DN" in line for line in lines)
-    assert main(["presets", "d415"]) == 0
-    text = capsys.readouterr().out
+    text = run_here(capsys, "presets", "d415").stdout
     assert "black_level_dn = 4 DN" in text
     assert "measured: least counts of D415 recordings" in text
     assert "figures are estimated" in text
-    assert main(["presets", "d1"]) == 2
-    assert "unknown sensor 'd1'" in capsys.readouterr().err
+    assert "unknown sensor 'd1'" in refused(["presets", "d1"], capsys)

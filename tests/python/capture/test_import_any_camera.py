@@ -10,7 +10,7 @@ from activestereo.capture.capture import read_capture
 from activestereo.capture.images import write_gray
 from activestereo.capture.importers.realsense_folder import frame_files
 from activestereo.cli import main
-from command_line import led_on
+from command_line import led_on, refused
 
 DISPARITY_PX, LOWER_PX = 9.0, 0.4
 
@@ -79,9 +79,8 @@ def test_swapped_cameras_and_a_foreign_k_are_refused(recording, capsys):
     assert _import(recording, "--swap") == 0
     assert _import(recording.with_name("none"), "--k", "600,600,424,240") == 2
     capsys.readouterr()
-    arguments = ["import", str(recording), "--swap", "-o", str(recording.parent / "other"), "--k", "600,600,640,240"]
-    assert main(arguments) == 2
-    assert "outside of the images' 424x240: were they rescaled?" in capsys.readouterr().err
+    arguments = ["import", recording, "--swap", "-o", recording.parent / "other", "--k", "600,600,640,240"]
+    assert "outside of the images' 424x240: were they rescaled?" in refused(arguments, capsys)
 
 
 def test_order_and_rows_are_told_from_images_alone(pair):

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.importers import bag
-from activestereo.capture.importers.bag import count_pairs, intrinsic_of, read_calibration
-from activestereo.capture.importers.bag import recorded_pairs
+from activestereo.capture.importers.bag import count_pairs, intrinsic_of, read_calibration, recorded_pairs
 from activestereo.cli import main, make_parser
 from activestereo.cli.view import shown_path
 from activestereo.report.view.library import Library
+from command_line import refused
 
 pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip install rosbags)")
 from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
@@ -207,9 +207,9 @@ def imported(path, *more):
 
 def refusal(capsys, path, *more):
     """The line that refuses to import a recording."""
-    assert main(["import", str(path), "--out", str(path.parent / "capture"), *more]) == 2
+    line = refused(["import", path, "--out", path.parent / "capture", *more], capsys)
     assert not (path.parent / "capture").exists()
-    return capsys.readouterr().err.strip().splitlines()[-1]
+    return line
 
 
 @pytest.mark.parametrize(("write", "name", "frames", "scale"), ORIGINS)
@@ -380,14 +380,12 @@ def test_a_recording_that_was_cut_is_told_in_one_line(tmp_path, capsys, write, n
 
 def test_streams_that_do_not_match_are_told(tmp_path, capsys, monkeypatch):
     write_lone_mcap(tmp_path / "a.mcap", second_later_ns=16_000_000)
-    depth = ["depth", str(tmp_path / "a.mcap"), "--out", str(tmp_path / "out")]
-    assert main(depth) == 2
-    assert "its two streams have no images of one time" in capsys.readouterr().err
+    depth = ["depth", tmp_path / "a.mcap", "--out", tmp_path / "out"]
+    assert "its two streams have no images of one time" in refused(depth, capsys)
     write_lone_mcap(tmp_path / "b.mcap")
-    depth[1] = str(tmp_path / "b.mcap")
+    depth[1] = tmp_path / "b.mcap"
     device = read_calibration(tmp_path / "b.mcap")
     key = "Infrared 2", _SIZE[1], _SIZE[0]
     device.intrinsics[key] = replace(device.intrinsics[key], K=np.array([[50.0, 0, 32.1], [0, 50, 24.2], [0, 0, 1]]))
     monkeypatch.setattr(bag, "read_calibration", lambda path, baseline_m: device)
-    assert main(depth) == 2
-    assert "do not match: focal lengths of 43 and 50 px" in capsys.readouterr().err
+    assert "do not match: focal lengths of 43 and 50 px" in refused(depth, capsys)

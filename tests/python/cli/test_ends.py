@@ -19,6 +19,7 @@ from activestereo.effects import builtin, engines
 from activestereo.effects.core.load import load_effects
 from lab_worlds import WorldRenderer
 from virtual_sensor.world import make_world
+from command_line import refused
 
 COMMAND = [sys.executable, "-m", "activestereo"]
 
@@ -88,10 +89,9 @@ def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch
 
     monkeypatch.setattr(f"activestereo.cli.simulate.{place}", full)
     few = ("--resolution", "212x120", "--spp", "1", "--max-bounces", "1")
-    assert main(["simulate", str(table_top), *few, "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err.strip().splitlines()[-1]
+    error = refused(["simulate", table_top, *few, "--out", tmp_path / "out"], capsys)
     name = "cloud.ply" if "ply" in place else "overview.png"
-    assert error.startswith("activestereo: ") and f"{tmp_path / 'out' / name}" in error and "No space left" in error
+    assert f"{tmp_path / 'out' / name}" in error and "No space left" in error
     assert not (tmp_path / "out").exists()
 
 
@@ -99,8 +99,7 @@ def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch
 def test_a_refused_command_leaves_no_folder(command, tmp_path, capsys):
     (tmp_path / "there").mkdir()
     for out in (tmp_path / "there", tmp_path / "there/new", tmp_path / "new/below"):
-        assert main([command, str(tmp_path / "none"), "--out", str(out)]) == 2
-        assert f"{tmp_path / 'none'}" in capsys.readouterr().err
+        assert f"{tmp_path / 'none'}" in refused([command, tmp_path / "none", "--out", out], capsys)
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
 
 

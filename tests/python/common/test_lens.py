@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import simsense
-from activestereo.camera.plan import plan_of
-from activestereo.camera.plan import registered
+from activestereo.camera.plan import plan_of, registered
 from activestereo.common.lens import distort, is_distorting, is_drawn, undistort
 from activestereo.compare.measured_image import warp_between
 from activestereo.effects.core.laws import example_view

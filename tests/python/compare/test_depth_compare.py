@@ -12,8 +12,7 @@ from lab_worlds import WorldRenderer, with_device_depth
 from activestereo.capture.capture import CaptureWarning, read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
-from activestereo.compare.depth_compare import DepthFrame, depth_scores
-from activestereo.compare.depth_compare import DepthModel, expose
+from activestereo.compare.depth_compare import DepthFrame, DepthModel, depth_scores, expose
 from activestereo.compare.noise import NoiseModel
 from virtual_sensor.world import make_world
 

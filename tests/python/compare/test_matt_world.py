@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import kuafu
-from activestereo.effects.engines import base_layers
-from activestereo.effects.engines import CaptureRenderer
+from activestereo.effects.engines import CaptureRenderer, base_layers
 from activestereo.effects.engines.layers import Sampling, rig_request, sampling_of
 from activestereo.compare.effect_trials import trial_capture
 

@@ -9,6 +9,7 @@ from activestereo.capture.images import write_gray
 from activestereo.cli import main
 from activestereo.compare.pair_findings import pair_findings
 from scipy.ndimage import gaussian_filter, shift
+from command_line import refused
 
 GAIN, OFFSET, ROWS_PX, SCALE, DISPARITY = 1.08, -3.0, 0.15, 0.012, 9.0
 
@@ -64,16 +65,15 @@ def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     for name, image in zip(("left", "right"), pair[:2], strict=True):
         write_gray(tmp_path / f"{name}.png", image.astype(np.uint8))
     images = [str(tmp_path / f"{name}.png") for name in ("left", "right")]
-    arguments = ["pair", *images, "--k", "200,200,192,120", "--baseline", "0.05"]
-    assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    arguments = ["pair", *images, "--k", "200,200,192,120", "--baseline", "0.05", "--out", str(tmp_path / "out")]
+    assert main(arguments) == 0
     found = {f["name"]: f for f in json.loads((tmp_path / "out" / "pair.json").read_text())["findings"]}
     assert found["gain_ratio"]["value"] == pytest.approx(GAIN, abs=0.02)
     assert "gain of the right camera" in capsys.readouterr().out
     write_gray(tmp_path / "depth.png", np.zeros((7, 11), np.uint16))
-    assert main([*arguments, "--device-depth", str(tmp_path / "depth.png"), "--out", str(tmp_path / "out")]) == 2
-    assert "not a whole number of times smaller" in capsys.readouterr().err
-    assert main([*arguments, "--device-depth", images[0], "--out", str(tmp_path / "out")]) == 2
-    assert "left.png has 8 bits" in capsys.readouterr().err
+    device_depth = [*arguments, "--device-depth"]
+    assert "not a whole number of times smaller" in refused([*device_depth, tmp_path / "depth.png"], capsys)
+    assert "left.png has 8 bits" in refused([*device_depth, images[0]], capsys)
     with pytest.raises(SystemExit):
-        main([*arguments, "--depth-scale", "0", "--out", str(tmp_path / "out")])
+        main([*arguments, "--depth-scale", "0"])
     assert "a number above 0" in capsys.readouterr().err

@@ -14,8 +14,7 @@ from activestereo.capture.capture import SIDES, Frame, Uncertainty
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.engines.layers import RenderRequest
 from activestereo.compare.nuisances import Nuisances, fit_nuisances, fit_under_model, fit_with_exposures
-from activestereo.effects import Light as Seen
-from activestereo.effects import Model, builtin
+from activestereo.effects import Light as Seen, Model, builtin
 from activestereo.effects.core.laws import example_view
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.meshes import sheet

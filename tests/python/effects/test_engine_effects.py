@@ -11,8 +11,7 @@ from scipy.ndimage import gaussian_filter, shift
 from activestereo.capture.capture import Frame
 from activestereo.compare.effect_trials import trial_capture
 from activestereo.effects import Model, Parameter, Stage, View, builtin, effect
-from activestereo.effects.core import lamp as module
-from activestereo.effects.core import room_unit
+from activestereo.effects.core import lamp as module, room_unit
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.engine import EngineCamera, EngineInputs, angles, apply_engine, axes
 from activestereo.effects.core.lamp import lamp_pose, lamp_starts, radiance_under

@@ -16,6 +16,7 @@ from activestereo.capture.capture import Camera
 from activestereo.capture.images import write_gray
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel, model_json, read_model, write_model
 from activestereo.model.words import diff, show
+from command_line import refused, run_here
 
 EFFECTS = builtin()
 K = np.array([[430.0, 0, 211.5], [0, 430.0, 119.5], [0, 0, 1]])
@@ -137,20 +138,17 @@ def test_what_is_wrong_is_one_line_that_names_it(whole, tmp_path, change, messag
 def test_a_file_that_is_not_there_or_no_json_is_one_line(tmp_path, capsys):
     (tmp_path / "text.json").write_text("{")
     for name in ("lost.json", "text.json"):
-        assert main(["model", "show", str(tmp_path / name)]) == 2
-        assert name in capsys.readouterr().err
+        assert name in refused(["model", "show", tmp_path / name], capsys)
 
 
 def test_show_and_diff_are_in_words(whole, tmp_path, capsys):
     path, other = written(whole, tmp_path), tmp_path / "other.json"
     rig = replace(whole.rig, left=replace(whole.rig.right, distortion=8 * (0.001234,)))
     write_model(other, replace(whole, rig=rig).with_effect(EFFECTS["vignetting"], {"exponent": Quantity(2.0)}))
-    assert main(["model", "show", str(path)]) == 0
-    text = capsys.readouterr().out
+    text = run_here(capsys, "model", "show", path).stdout
     told = ("baseline 50.000 mm", "vignetting: exponent = 1.2 (1.1 to 1.3)", "specular on cup")
     assert all(words in text for words in (*told, "engine: optics.vignetting_exponent"))
-    assert main(["model", "diff", str(path), str(other)]) == 0
-    text = capsys.readouterr().out
+    text = run_here(capsys, "model", "diff", path, other).stdout
     assert "+  vignetting: exponent = 2" in text and "\n      0.001234 0.001234" in text, text
     assert all(line.startswith(("+", "-", 6 * " ")) and len(line) <= 80 for line in text.splitlines()), text
     assert diff(whole, whole) == ""
@@ -165,8 +163,8 @@ def test_add_edits_the_file_and_keeps_all_else(whole, tmp_path, capsys):
     assert [e.effect.id for e in model.effects] == ["vignetting", "specular", "lens_psf"]
     assert model.rig is not None and model.nuisances["projector_scale"].high == 7.1e4
     before = path.read_bytes()
-    assert main(["add", "lens_psf", "--set", "sigma_px=70", "--model", str(path), "-o", str(path)]) == 2
-    assert "outside 0.0..3.0" in capsys.readouterr().err
+    wrong = ("add", "lens_psf", "--set", "sigma_px=70", "--model", path, "-o", path)
+    assert "outside 0.0..3.0" in refused(wrong, capsys)
     assert path.read_bytes() == before
     assert main(["add", "specular", "--set", "factor=0.2", "--on", "plate", "--model", str(path), "-o", str(path)]) == 0
     assert read_model(path).effects[-1].surfaces == ("plate",)

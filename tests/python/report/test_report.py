@@ -19,9 +19,8 @@ from activestereo.report.explorer import explorer_data
 from activestereo.report.first_screen import first_screen, where_most_goes
 from activestereo.report.models import model_images, told_errors
 from activestereo.report.write import report_page, write_report
-from activestereo.report.summary import error_places
+from activestereo.report.summary import comparison_screen, error_places, summary_table
 from activestereo.report.screen import command
-from activestereo.report.summary import comparison_screen, summary_table
 from report_worlds import DIAGNOSIS, WITH_MODEL, decoded
 
 

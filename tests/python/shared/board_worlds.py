@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from activestereo.calibrate.rig import Board
-from activestereo.calibrate.rig import BoardView
+from activestereo.calibrate.rig import Board, BoardView
 from activestereo.common.pose import rigid_motion
 
 BOARD = Board("chessboard", 9, 6, 0.03)

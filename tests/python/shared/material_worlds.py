@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 
 import kuafu
-from activestereo.common.pose import rigid_motion
+from activestereo.common.pose import look_at, rigid_motion
 from activestereo.scene_io import meshes
 from activestereo.calibrate.material_fit import MaterialScene, Picture, pictures
 from activestereo.capture.capture import Camera, Capture, ColorCamera, Frame, Projector, Rig, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.common.pattern import PatternDesign, make_pattern
-from activestereo.common.pose import look_at
 from activestereo.effects.core.surfaces import surfaces_of_object
 
 # roughness, metallic, specular, transmission, ir_albedo

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.integrations.realsense.options import format, stream
-from activestereo.integrations.realsense.frames import composite_frame, frame
-from activestereo.integrations.realsense.frames import video_stream_profile
+from activestereo.integrations.realsense.frames import composite_frame, frame, video_stream_profile
 
 
 class SoftwareDevice:
