@@ -125,10 +125,28 @@ def test_frames_end_and_drop_by_seed():
     rs.simulate(rs.World())
 
 
+def test_all_devices_and_pipelines_are_one_camera():
+    """As settings of a real camera hold whichever object set them, until it is reset or another is plugged in."""
+    rs.simulate(rs.World())
+    rs.context().query_devices()[0].first_depth_sensor().set_option(rs.option.laser_power, 30)
+    rs.rs400_advanced_mode(rs.device()).load_json('{"param-secondpeakdelta": "10"}')
+    stereo = rs.config().resolve(rs.pipeline(rs.context())).get_device().first_depth_sensor()
+    camera = rs.pipeline().device().camera
+    assert stereo.get_option(rs.option.laser_power) == 30 == camera.config().laser_power_mw
+    assert camera.settings.values["param-secondpeakdelta"] == 10
+    for change in (rs.device().hardware_reset, lambda: rs.simulate(rs.World())):
+        rs.device().first_depth_sensor().set_option(rs.option.laser_power, 30)
+        change()
+        assert rs.pipeline().device().camera.config().laser_power_mw != 30
+
+
 @pytest.mark.parametrize(
     "ask, told",
     [
         (lambda c: c.enable_stream(rs.stream.depth, 64, 48, rs.format.rgb8, 30), "is not simulated"),
+        (lambda c: c.enable_stream(rs.stream.infrared, 3), "infrared has the index 1 or 2, not 3"),
+        (lambda c: c.enable_stream(rs.stream.depth, width=64), "a size of 64x0: give both sides"),
+        (lambda c: rs.pipeline().start(c, lambda frame: None), "takes a config and a frame_queue, not a function"),
         (lambda c: c.enable_device_from_file("a.bag"), "plays no recordings"),
         (lambda c: rs.pipeline().wait_for_frames(), "cannot be called before start"),
         (lambda c: rs.device().first_depth_sensor().set_option(rs.option.laser_power, 1e4), "expected 0 to 360"),

@@ -38,12 +38,19 @@ from activestereo.integrations.realsense.options import (
 
 _PRODUCT_IDS = {"D405": "0B5B", "D415": "0AD3", "D435": "0B07", "D435I": "0B3A", "D455": "0B5C"}
 _SIZES, _FPS = ((640, 480), (848, 480), (1280, 720)), 30
-_worlds: list[World] = []
+# The simulated camera, which all contexts, devices and pipelines share as they share a real one.
+_cameras: list[SimulatedCamera] = []
 
 
 def simulate(world: World) -> None:
-    """Sets the world that cameras of this module see from now on; existing devices keep theirs."""
-    _worlds[:] = [world]
+    """Plugs in a new camera, which sees this world; existing devices keep theirs."""
+    _cameras[:] = [SimulatedCamera(world)]
+
+
+def _shared_camera() -> SimulatedCamera:
+    if not _cameras:
+        simulate(World(os.environ.get("ACTIVESTEREO_SCENE"), os.environ.get("ACTIVESTEREO_SENSOR", "D435")))
+    return _cameras[0]
 
 
 class sensor(Options, Described):
@@ -72,7 +79,7 @@ class depth_sensor(sensor):
         ranges = sensor_ranges(camera.base)
         baseline_mm = 1e3 * camera.baseline_m
         super().__init__("Stereo Module", camera, ranges, {option.stereo_baseline: baseline_mm}, camera.set_option)
-        camera.values |= self._values
+        camera.values = self._values | camera.values
         self._values = camera.values  # which a preset or advanced settings change, too
 
     def get_depth_scale(self) -> float:
@@ -82,9 +89,7 @@ class depth_sensor(sensor):
 
 class device(Described):
     def __init__(self, camera: SimulatedCamera | None = None) -> None:
-        if camera is None:
-            scene, model = os.environ.get("ACTIVESTEREO_SCENE"), os.environ.get("ACTIVESTEREO_SENSOR", "D435")
-            camera = SimulatedCamera(_worlds[0] if _worlds else World(scene, model))
+        camera = camera or _shared_camera()
         self.camera, self._depth, self._color = camera, depth_sensor(camera), sensor("RGB Camera", camera, {})
         self.sensors: list[sensor] = [self._depth, self._color]
         model = self.camera.base.model.upper().removeprefix("SAPIEN-")
@@ -107,7 +112,9 @@ class device(Described):
     def hardware_reset(self) -> None:
         """Resets all options to their defaults; the script's object stays the same."""
         self.camera.close()
-        self.__init__(SimulatedCamera(self.camera.world))  # type: ignore[misc]  # the object stays the script's
+        new = SimulatedCamera(self.camera.world)
+        _cameras[:] = [new if camera is self.camera else camera for camera in _cameras]
+        self.__init__(new)  # type: ignore[misc]  # the object stays the script's
 
 
 class device_list(list[device]):
@@ -213,8 +220,13 @@ class config:
             )
         if not known:
             raise RuntimeError(f"Couldn't resolve requests: {stream_type} is not simulated")
-        if stream_type == stream.infrared and index == 0:
-            index = 1
+        if bool(width) != bool(height):
+            raise RuntimeError(f"Couldn't resolve requests: a size of {width}x{height}: give both sides, or none")
+        there = (1, 2) if stream_type == stream.infrared else (0,)
+        index = there[0] if index in (-1, 0) else index
+        if index not in there:
+            text = f"{stream_type.name} has the index {' or '.join(map(str, there))}, not {index}"
+            raise RuntimeError(f"Couldn't resolve requests: {text}")
         self.requests[stream_type, index] = StreamRequest(stream_type, index, width, height, form, fps)
 
     def enable_all_streams(self) -> None:
@@ -291,9 +303,15 @@ class pipeline:
 
     def start(self, *args: Any) -> pipeline_profile:
         """Starts the streams of a config, or depth and colour without one, and returns their profile. A frame_queue, if
-        given, delivers the framesets."""
+        given, delivers the framesets. Raises RuntimeError for anything else: no callback is called."""
         if self._profile is not None:
             raise RuntimeError("start() cannot be called before stop()")
+        for given in args:
+            if not isinstance(given, (config, frame_queue)):
+                kind = type(given).__name__
+                raise RuntimeError(
+                    f"start() takes a config and a frame_queue, not a {kind}: ask with wait_for_frames()"
+                )
         asked = next((a for a in args if isinstance(a, config)), config())
         queue = next((a for a in args if isinstance(a, frame_queue)), None)
         of = self.device()
