@@ -286,6 +286,11 @@ def check_together(fields: Mapping[str, Any]) -> None:
         raise ValueError(
             f"noise scales must be positive, or ir_speckle_noise 0 for none; they are {speckle} and {thermal}"
         )
+    if fields["ir_signal"] is not None and (speckle, thermal) != (1.0, 1.0):
+        raise ValueError(
+            f"ir_speckle_noise is {speckle:g} and ir_thermal_noise {thermal:g}, but ir_signal states the noise: "
+            "change its terms, or set it to None"
+        )
     if fields["ir_exposure_mode"] != "fixed":
         _check_automatic_exposure(fields)
     # The engine refuses these combinations of matcher parameters.

@@ -172,9 +172,8 @@ _NOISE = ("hot_pixel_share", *(p.name for p in SIGNAL if p.is_noise))
 
 def remove_noise(config: StereoDepthSensorConfig) -> None:
     """Switches the imagers' noise off. What else ir_signal states stays: gains, response, black level, bits."""
-    if config.ir_signal is not None:
-        config.ir_signal = stated_signal(config) | dict.fromkeys(_NOISE, 0.0)
-    config.ir_speckle_noise, config.ir_speckle_of_laser = 0.0, False
+    config.ir_signal = stated_signal(config) | dict.fromkeys(_NOISE, 0.0)
+    config.ir_speckle_noise, config.ir_thermal_noise, config.ir_speckle_of_laser = 1.0, 1.0, False
 
 
 def pattern_of(config: StereoDepthSensorConfig) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:

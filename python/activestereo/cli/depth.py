@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,11 +97,11 @@ def add_parser(commands: cli.Commands) -> None:
     text = "advanced-mode settings of a D400, as Intel's Viewer writes them (default: the camera's own)"
     add("--settings", type=Path, metavar="FILE.json", help=text)
     text = "the camera whose matcher and nominal figures are taken (default: d415)"
-    add("--sensor", default="d415", metavar="NAME", help=text)
+    add("--sensor", metavar="NAME", help=text)
     cli.add_shared(parser, json=True, verbose="how it was matched, and times of the stages")
     text = "values of the options below that are not given: active for pictures of dots, passive for plain pictures of "
     text += "textured things, engine for the engine's own defaults (default: active)"
-    parser.add_argument("--profile", choices=("engine", *PROFILES), default="active", help=text)
+    parser.add_argument("--profile", choices=("engine", *PROFILES), help=text)
     text = "Vulkan device for --back-end vulkan: the best one, lavapipe, or number N of 'activestereo doctor' "
     parser.add_argument("--device", metavar="auto|cpu|N", help=f"{text}(default: none, the CPU)")
     options.add_matching(parser, PROFILES["active"])
@@ -110,8 +110,12 @@ def add_parser(commands: cli.Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     """Computes an image pair's depth, writes it and prints the result; a recording goes to _run_recording()."""
     if args.right is None:
+        _refuse(args, ("profile", "confidence", "reason"), "for a pair of images, not for a recording")
+        args.sensor = args.sensor or "d415"
         _run_recording(args)
         return
+    _refuse(args, ("settings", "sensor"), "for recordings, not for a pair of images")
+    args.sensor = "d415"  # its nominal figures are not used
     from activestereo.report.pictures import colored, depth_span, matching_figure
 
     needed = ("out",) if args.calibration else ("k", "baseline", "out")
@@ -119,8 +123,6 @@ def run(args: argparse.Namespace) -> None:
     if missing:
         or_file = " (or --calibration FILE)" if "k" in missing or "baseline" in missing else ""
         raise cli.CommandError(f"a pair of images needs {', '.join(f'--{option}' for option in missing)}{or_file}")
-    if args.settings:
-        raise cli.CommandError("--settings is for recordings, not for a pair")
     left, right = (
         read_npy(path, "image", "height", "width") if path.suffix == ".npy" else read_gray(path, key="image")
         for path in (args.left, args.right)
@@ -136,7 +138,7 @@ def run(args: argparse.Namespace) -> None:
     left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
     left_to_right = rigid_motion((-cameras.baseline_m, 0.0, 0.0))
     bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
-    given = profile(args.profile, bits) | options.given_parameters(args, MATCHER, RIG)
+    given = profile(args.profile or "active", bits) | options.given_parameters(args, MATCHER, RIG)
     engine = simsense.Engine(
         _device(args, given), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **given
     )
@@ -169,6 +171,13 @@ def run(args: argparse.Namespace) -> None:
     leads = [] if cameras.offset_px else [command("pair", args.left, args.right, *rig)]
     details = f"{options.matching_line(engine)}\n{options.stage_table(stages_ms)}"
     print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
+
+
+def _refuse(args: argparse.Namespace, names: Sequence[str], what: str) -> None:
+    """Raises CommandError if one of these options is given. what: the inputs that they are for."""
+    for name in names:
+        if getattr(args, name):
+            raise cli.CommandError(f"--{name} is {what}: leave it out")
 
 
 def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Device:

@@ -36,13 +36,15 @@ def add_parser(commands: cli.Commands) -> None:
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
     text = "metres per unit of it (default: 0.001)"
-    parser.add_argument("--depth-scale", type=cli.above_zero, default=0.001, metavar="M", help=text)
+    parser.add_argument("--depth-scale", type=cli.above_zero, metavar="M", help=text)
     cli.add_shared(parser, out=True, json=True)
 
 
 def run(args: argparse.Namespace) -> None:
     from activestereo.compare.pair_findings import findings_text, pair_findings
 
+    if args.depth_scale is not None and args.device_depth is None:
+        raise cli.CommandError("--depth-scale is the unit of --device-depth, which is not given")
     left, right = (read_gray(path, key="image") for path in (args.left, args.right))
     if left.shape != right.shape or left.dtype != right.dtype:
         named = ((args.left, left), (args.right, right))
@@ -74,6 +76,6 @@ def _device_disparity(args: argparse.Namespace, shape: tuple[int, ...]) -> np.nd
     if step < 1 or (depth.shape[0] * step, depth.shape[1] * step) != shape:
         sizes = f"{depth.shape[1]}x{depth.shape[0]}, the images are {shape[1]}x{shape[0]}"
         raise cli.CommandError(f"{args.device_depth} is {sizes}: not a whole number of times smaller")
-    metres, out = depth * args.depth_scale, np.zeros(shape)
+    metres, out = depth * (args.depth_scale or 0.001), np.zeros(shape)
     np.divide(args.k[0, 0] * args.baseline, metres, out=out[::step, ::step], where=metres > 0)
     return out

@@ -55,6 +55,8 @@ class StereoDepth(gymnasium.ObservationWrapper):
         self._color = (color,) if isinstance(color, str) else color and tuple(color)
         self._metres, self._back, self._albedo = metres or np.asarray, back or np.asarray, albedo_of_all
         self._rendered, self._coded = rendered, coded
+        if rendered is not None and metres is not None:
+            raise ValueError("metres converts the observation's depth, rendered takes its place: give one of them")
         if rendered is not None and self._color is None:
             raise ValueError("rendered depth has the size of the colour image: give color, too")
         given = self._depth if rendered is None or self._color is None else self._color

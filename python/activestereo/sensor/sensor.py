@@ -220,6 +220,8 @@ class StereoDepthSensor(SensorResults):
         before, config = self.get_config(), self.get_config()
         if not {"ir_speckle_noise", "ir_thermal_noise"}.isdisjoint(changes):
             config.ir_signal = None
+        elif changes.get("ir_signal") is not None:
+            config.ir_speckle_noise = config.ir_thermal_noise = 1.0
         for name, value in changes.items():
             setattr(config, name, value)
         if fixed := [name for name in config.differing(before) if name not in _CHANGEABLE]:

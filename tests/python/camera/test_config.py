@@ -223,9 +223,10 @@ def test_configurations_compare_by_value_and_show_what_was_changed():
         ({"block_width": 17, "block_height": 17}, "block is 17x17 pixels, expected 1 to 256 pixels in all"),
         ({"census_width": 9, "census_height": 9}, "census is 9x9 pixels, expected 3 to 65"),
         ({"min_depth_m": 2.0, "max_depth_m": 1.0}, "min_depth_m is 2, expected less than max_depth_m, 1"),
+        ({"ir_speckle_noise": 0.0}, "ir_speckle_noise is 0 and ir_thermal_noise 1, but ir_signal states the noise"),
     ],
 )
-def test_the_matchers_parameters_go_together(changes, words):
+def test_fields_go_together(changes, words):
     config = StereoDepthSensorConfig("D435")
     for name, value in changes.items():
         setattr(config, name, value)

@@ -145,6 +145,12 @@ def test_depth_is_f_b_over_the_disparity_and_the_offset_of_cx(recording, tmp_pat
         (["--calibration", "{folder}/turned.yml"], "turned.yml: the pairs are not rectified, its cameras have a lens"),
         (["--calibration", "{folder}/none.yml"], "No such file"),
         (["--calibration", "{folder}/turned.yml", *OPTIONS[:2]], "--calibration tells K of both cameras"),
+        ([*LEFT, "--sensor", "d435"], "--sensor is for recordings, not for a pair of images: leave it out"),
+        (
+            [*LEFT, "--profile", "passive", "--out", "{folder}"],
+            "--profile is for a pair of images, not for a recording",
+        ),
+        ([*LEFT, "--reason", "--out", "{folder}"], "--reason is for a pair of images, not for a recording"),
         ([*LEFT, "--out", "{folder}/depth"], "lies in the recording"),
         ([*LEFT, "--out", ""], "--out"),
     ],

@@ -74,6 +74,7 @@ def test_the_command_writes_its_findings(pair, tmp_path, capsys):
     device_depth = [*arguments, "--device-depth"]
     assert "not a whole number of times smaller" in refused([*device_depth, tmp_path / "depth.png"], capsys)
     assert "left.png has 8 bits" in refused([*device_depth, images[0]], capsys)
+    assert "--depth-scale is the unit of --device-depth" in refused([*arguments, "--depth-scale", "0.001"], capsys)
     with pytest.raises(SystemExit):
         main([*arguments, "--depth-scale", "0"])
     assert "a number above 0" in capsys.readouterr().err

@@ -135,6 +135,8 @@ def test_a_missing_key_is_named():
         StereoDepth(Wall(), ("pixels", "deep"))
     with pytest.raises(ValueError, match="has no pixels/paint"):
         StereoDepth(Wall(), ("pixels", "depth"), color=("pixels", "paint"))
+    with pytest.raises(ValueError, match="give one of them"):
+        StereoDepth(Wall(), ("pixels", "depth"), metres=np.asarray, rendered=lambda env: None)
     with pytest.raises(ValueError, match="fovy_deg is 200"):
         StereoDepth(Wall(), ("pixels", "depth"), fovy_deg=200.0)
 

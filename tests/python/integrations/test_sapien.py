@@ -205,6 +205,8 @@ def test_a_box_bounds_the_depth(mount):
     assert (disparity[~inside] < 0).all() and (disparity[inside] > 0).mean() > 0.5
     sensor.compute_depth()
     assert (sensor.native().get_disparity() > 0).mean() > 0.5
+    with pytest.raises(ValueError, match="bbox_start and bbox_size come together"):
+        sensor.compute_depth((60, 40))
 
 
 def test_a_mount_that_is_in_no_scene_is_told():

@@ -315,6 +315,8 @@ def test_a_refused_call_takes_no_frame(config):
     slope = np.broadcast_to(np.linspace(800.0, 900.0, sensor.shape[2]), sensor.shape)
     with pytest.raises(ValueError, match="depth begins at 800 m: is it in millimetres"):
         sensor(**given | {"depth": slope.astype(np.uint16)})
+    with pytest.raises(ValueError, match="projector begins at 800 m: is it in millimetres"):
+        sensor(**given, projector=slope)
     with pytest.raises(TypeError, match="depth is of object, expected numbers"):
         sensor(**given | {"depth": given["depth"].astype(object)})
     out, first = (one(**given, outputs=("ir_left",))["ir_left"] for one in (sensor, GBufferStereo(config)))

@@ -233,6 +233,8 @@ class StereoDepthSensor:
         rectified left infrared image, outside of which there is no depth; None: all. Raises RuntimeError before the
         first picture."""
         x = y = width = height = 0  # the whole image
+        if (bbox_start is None) != (bbox_size is None):
+            raise ValueError("bbox_start and bbox_size come together, or not at all: the whole image")
         if bbox_start is not None and bbox_size is not None:
             (x, y), (width, height) = bbox_start, bbox_size
         self.native().engine.set_parameters(roi_x=x, roi_y=y, roi_width=width, roi_height=height)

@@ -333,6 +333,8 @@ class GBufferStereo:
             require_known("right image", right, _IMAGES)
             self._require(right, "right ")
             other = self._views[1].put({name: right.get(name) for name in _IMAGES})
+        if projector is not None and not getattr(projector, "is_cuda", False):
+            require_metres("projector", host_image("projector", projector, self.input_shape))
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
         numbers = {
             "laser_power": POWER.check_each("laser_power", laser_power, self._count),
