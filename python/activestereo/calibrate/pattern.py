@@ -136,9 +136,9 @@ def calibrate_pattern(
         told = f"no frames share a repeat_group: record {LEAST_REPEATS} or more frames of the wall at each distance"
         raise ValueError(f"{capture.path}: {told}")
     views = []
-    for number, (group, frames) in enumerate(groups.items()):
+    for number, frames in enumerate(groups):
         share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
-        views.append(_wall_view(capture, f"{capture.path}: repeat group {group}", frames, share))
+        views.append(_wall_view(capture, f"{capture.path}: repeat group {frames[0].repeat_group}", frames, share))
     views.sort(key=lambda view: view.wall.distance_m)
     pattern = _merged(tuple(views), capture.rig)
     tell(1.0)

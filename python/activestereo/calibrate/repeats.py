@@ -63,12 +63,9 @@ def _stacked(files: list[Path], key: str) -> np.ndarray:
 def _read_capture(path: Path) -> list[Repeats]:
     capture = read_capture(path)
     views = []
-    for group, frames in capture.repeats().items():
+    for frames in capture.repeats():
         for side in SIDES:
-            name = f"{capture.path}: repeat group {group}, {side}"
-            if len({frame.exposure_gain for frame in frames}) > 1:
-                told = "exposure x gain differs between the repeats: give each exposure a group of its own"
-                raise ValueError(f"{name}: {told}")
+            name = f"{capture.path}: repeat group {frames[0].repeat_group}, {side}"
             counts = np.stack([read_gray(frame.path(side), key=f"frames[id={frame.id}].{side}") for frame in frames])
             view = f"{side} {frames[0].camera_to_world.tobytes()!r} {frames[0].projector_power}"
             views.append(Repeats(name, counts, frames[0].exposure_gain, view))

@@ -169,6 +169,11 @@ class Frame:
         return self.exposure_s * self.gain
 
     @property
+    def repeat_key(self) -> tuple[int, float, float] | None:
+        """Group, exposure times gain, and projector power, which repeats have in common. None without a group."""
+        return None if self.repeat_group is None else (self.repeat_group, self.exposure_gain, self.projector_power)
+
+    @property
     def is_moving(self) -> bool:
         return bool(np.any(self.camera_velocity))
 
@@ -247,14 +252,13 @@ class Capture:
             return None
         return read_color(frame.color_path, self.rig.color.size, f"frames[id={frame.id}].color")
 
-    def repeats(self, split: str | None = None) -> dict[int, list[Frame]]:
-        """Returns {repeat group: its frames} of all groups with at least two frames in the split; None: in any
-        split."""
-        groups: dict[int, list[Frame]] = {}
+    def repeats(self, split: str | None = None) -> list[list[Frame]]:
+        """Returns the frames of each repeat_key that at least two frames in the split have; None: in any split."""
+        groups: dict[object, list[Frame]] = {}
         for frame in self.frames:
-            if frame.repeat_group is not None and split in (None, frame.split):
-                groups.setdefault(frame.repeat_group, []).append(frame)
-        return {group: frames for group, frames in groups.items() if len(frames) > 1}
+            if frame.repeat_key is not None and split in (None, frame.split):
+                groups.setdefault(frame.repeat_key, []).append(frame)
+        return [frames for frames in groups.values() if len(frames) > 1]
 
 
 def read_capture(path: str | Path) -> Capture:

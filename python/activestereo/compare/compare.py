@@ -21,7 +21,7 @@ from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.image_errors import ImageErrors, Judged, error_shape, image_errors
-from activestereo.compare.mismatch import match_of, warnings_of
+from activestereo.compare.mismatch import match_of, recording_warnings, scale_warnings
 from activestereo.compare.noise import transfer_points
 from activestereo.compare.render import WARP_SCALE, Halves, render_halves
 from activestereo.compare.where import (
@@ -123,9 +123,9 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     """Makes a Comparison from a model's image errors, without rendering. made: the render's settings. without: the
     errors of the model without effects, for comparison; None leaves them out."""
     capture, model, seed = errors.capture, errors.model, made.seed
-    layers, views, measured, predictions = errors.layers, errors.views, errors.measured, errors.predictions
+    views, measured, predictions = errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model
-    match = match_of(capture, views, {key: layers[key[0]][key[1]].projector for key in views}, measured, noise_model)
+    match = match_of(errors)
     depths = model_depths(capture, measured, predictions, views, noise_model, model, seed)
     # The shape of the train frames' error.
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
@@ -142,7 +142,7 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     scores = {
         "capture": capture.name,
         **vars(made),
-        "warnings": warnings_of(errors.fit, match),
+        "warnings": [*recording_warnings(errors, match), *scale_warnings(errors.fit)],
         "match": asdict(match) | {"frames": list(match.frames)},
         "fit": asdict(errors.fit) | {"at_bound": list(errors.fit.at_bound)},
         "effects": [effect.id for effect, _ in model.effects],

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks whether a capture's images match its pattern and its geometry (scene and rig). Effects take no part.
+"""Checks whether a capture's images match its pattern and its geometry (scene and rig), in which effects take no part,
+and whether its frames, repeats and depth are as stated.
 
 If the geometry is right, both cameras see the same dots at the scene's depth, under any pattern. If the pattern is
 right, too, the rendered dots match the measured ones. Both checks correlate high-pass filtered images, at shifts of a
 few pixels: calibration errors may displace dots, never exchange them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from activestereo.capture.capture import Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.common.shown import listed
+from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.measured_image import warp_between
-from activestereo.compare.noise import NoiseModel
 from activestereo.compare.nuisances import Fit
-from activestereo.effects.core.view import View
 
 _FRAMES = 3  # number of frames that are checked
 _SLOW_PX = 3.0
@@ -30,6 +30,10 @@ _LEAST = 0.25
 # Below this share of the largest correlation a warning says that the pattern explains little.
 _MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
+# Repeats of this many times the squared error of the best of them, above 1 DN^2, show no single view.
+_FOREIGN = 2.0
+_FULL = 0.5  # share of a camera's pixels at full scale beyond which a frame shows nothing
+_OTHER_UNIT = 2.0  # factor of the device's depth that no fault of a camera makes
 
 Image = NDArray[np.generic]
 
@@ -94,26 +98,20 @@ class Match:
         return []
 
 
-def match_of(
-    capture: Capture, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
-    measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
-) -> Match:  # fmt: skip
-    """Computes the Match from at most three train frames at rest with the projector on. projector: {(frame id, side):
-    rendered light of the projector}; measured: DN."""
-    frames = [f for f in capture.split("train") if f.projector_power > 0 and not f.is_moving]
+def match_of(errors: ImageErrors) -> Match:
+    """Computes the Match from at most three train frames at rest with the projector on."""
+    frames = [f for f in errors.capture.split("train") if f.projector_power > 0 and not f.is_moving]
     frames = frames[:: max(1, len(frames) // _FRAMES)][:_FRAMES]
-    rows = [row for f in frames if (row := _one(f, views, projector, measured, noise_model)) is not None]
+    rows = [row for f in frames if (row := _one(f, errors)) is not None]
     if not rows:
         return Match(None, None, None, None, ())
     pattern, geometry, swapped, possible = (float(x) for x in np.mean([row[1:] for row in rows], axis=0))
     return Match(pattern, geometry, swapped, possible, tuple(int(row[0]) for row in rows))
 
 
-def _one(
-    frame: Frame, views: Mapping[ImageKey, View], projector: Mapping[ImageKey, Image],
-    measured: Mapping[ImageKey, Image], noise_model: NoiseModel | None,
-) -> tuple[float, ...] | None:  # fmt: skip
+def _one(frame: Frame, errors: ImageErrors) -> tuple[float, ...] | None:
     """Computes (frame id, pattern, geometry, swapped, possible) of one frame, as in Match; None if it shows no dots."""
+    views, measured, noise_model = errors.views, errors.measured, errors.noise_model
     keys = (frame.id, "left"), (frame.id, "right")
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
@@ -133,7 +131,7 @@ def _one(
     disparity = float(np.median(np.abs(columns - warp.u)[inside]))
     reach = int(np.clip(round(_SHIFT_SHARE * disparity), 1, _MOST_SHIFT_PX))
     # The best correlations over shifts: of the rendered dots in both directions, of the other camera's along rows.
-    shifts, rendered = range(-reach, reach + 1), _fast(projector[keys[0]])
+    shifts, rendered = range(-reach, reach + 1), _fast(errors.layers[frame.id]["left"].projector)
     pattern = max(_correlation(left[inside], np.roll(rendered, (v, u), (0, 1))[inside]) for v in shifts for u in shifts)
     geometry, swapped = (
         max(_correlation(a[inside], warp.read(b, shift)[inside]) for shift in shifts)
@@ -154,8 +152,8 @@ def _fast(image: Image) -> NDArray[np.float64]:
     return value - gaussian_filter(value, _SLOW_PX)
 
 
-def warnings_of(fit: Fit, match: Match) -> list[str]:
-    """Returns the warnings of a mismatch and of scales that the fit set to 0, one line each."""
+def scale_warnings(fit: Fit) -> list[str]:
+    """Returns the warnings of scales that the fit set to 0, one line each."""
     words = {
         "projector_scale": "the projector's scale is at its bound, 0: the measured images show none of its light where "
         "it is rendered",
@@ -163,4 +161,33 @@ def warnings_of(fit: Fit, match: Match) -> list[str]:
         "brighter; "
         "albedos or the scene's lights are wrong, or the capture has no room light",
     }
-    return [*match.warnings, *(words[name] for name in fit.at_bound)]
+    return [words[name] for name in fit.at_bound]
+
+
+def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
+    """Returns the warnings of a mismatch, of frames at full scale, of repeats that are none, and of depth in another
+    unit, one line each."""
+    capture, said, most = errors.capture, match.warnings, errors.capture.rig.max_dn
+    full = [f.id for f in capture.frames if max(np.mean(errors.measured[f.id, s] >= most) for s in SIDES) > _FULL]
+    if full:
+        share = f"more than {100 * _FULL:.0f} % of its pixels are at full scale, {most} DN"
+        said.append(f"frame {listed([*map(str, full)])}: {share}: leave it out of capture.json")
+    scores = {frame["id"]: frame for frame in errors.by_frame()}
+    for frames in (own for own in capture.repeats() if not {frame.id for frame in own} & set(full)):
+        noise, least = scores[frames[0].id]["noise_floor_dn"], min(scores[frame.id]["rmse_dn"] for frame in frames)
+        if noise is not None and noise**2 > _FOREIGN * least**2 + 1.0:
+            told = f"vary by {noise:.1f} DN, but one of them differs from the model by {least:.1f} DN alone"
+            remedy = "they show no still view in steady light: set their repeat_group to null"
+            said.append(f"the frames of repeat_group {frames[0].repeat_group} {told}: {remedy}")
+    ratios = [np.empty(0)]
+    for frame in capture.frames:
+        if (depth_m := capture.depth(frame)) is not None:
+            true_m = errors.views[frame.id, "left"].depth_m
+            both = (depth_m > 0) & (true_m > 0)
+            ratios.append(depth_m[both] / true_m[both])
+    every = np.concatenate(ratios)
+    ratio = float(np.median(every)) if every.size and not match.has_wrong_geometry else 1.0
+    if not 1.0 / _OTHER_UNIT < ratio < _OTHER_UNIT:
+        told = f"the device's depth is {ratio:.3g} times the scene's in the median"
+        said.append(f"{told}: correct depth_scale, the metres per unit of its images")
+    return said

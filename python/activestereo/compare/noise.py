@@ -56,10 +56,10 @@ _Item = TypeVar("_Item")
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     """Groups (frame, camera, item) by static view and camera; returns the items of each group in order. Frames without
     repeats are left out."""
-    groups: dict[tuple[int, str], list[_Item]] = {}
+    groups: dict[tuple[object, str], list[_Item]] = {}
     for frame, side, item in items:
-        if frame.repeat_group is not None:
-            groups.setdefault((frame.repeat_group, side), []).append(item)
+        if frame.repeat_key is not None:
+            groups.setdefault((frame.repeat_key, side), []).append(item)
     return list(groups.values())
 
 
@@ -155,7 +155,7 @@ def repeat_statistics(
     """
     known = drift or {}
     statistics = []
-    for frames in capture.repeats(split).values():
+    for frames in capture.repeats(split):
         for side in SIDES:
             stack = np.stack([capture.ir(frame, side) - known.get((frame.id, side), 0.0) for frame in frames])
             if (scene := capture.known(frames[0], side)) is not None:

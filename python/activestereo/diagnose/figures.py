@@ -16,6 +16,7 @@ from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, Judged, image_errors
+from activestereo.compare.mismatch import match_of, recording_warnings
 from activestereo.compare.render import Halves
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
@@ -116,6 +117,7 @@ def held_out_figures(
         return errors.by_split().get(split, {}).get("rmse_dn")
 
     figures: dict[str, Any] = {
+        "warnings": recording_warnings(before, match_of(before)),
         "heldout_ir_rmse_before": rmse(before, "test"),
         "heldout_ir_rmse_geometry": rmse(standing, "test"),
         "heldout_ir_rmse_after": rmse(after, "test"),

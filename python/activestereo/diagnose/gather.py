@@ -152,7 +152,7 @@ def _expected(
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
     for s in measured_images:
-        key = (s.frame.repeat_group, s.side) if s.frame.repeat_group is not None else s.key
+        key = (s.frame.repeat_key, s.side) if s.frame.repeat_key is not None else s.key
         groups.setdefault(key, []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
     for group in groups.values():

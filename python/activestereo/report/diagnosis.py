@@ -129,7 +129,8 @@ def _notes(result: Mapping[str, Any]) -> list[str]:
     """Returns sentences for the lines below the figures, most important first."""
     verdict, found = result["verdict"], {entry["effect"]: entry for entry in result["ranking"]}
     named = [found[name] for name in result["added"] if found.get(name, {}).get("parameters")]
-    notes = [f"{entry['effect'] if len(named) > 1 else 'fitted'}: {_values(entry)}" for entry in named]
+    notes = [f"Warning: {text}." for text in result.get("warnings", [])]
+    notes += [f"{entry['effect'] if len(named) > 1 else 'fitted'}: {_values(entry)}" for entry in named]
     notes += [f"{name}: {why}." for name, why in result.get("own", {}).items() if name not in result["added"]]
     advice, engine = next_steps(result), result.get("depth") or {}
     if verdict != "effect":

@@ -83,8 +83,9 @@ def what_is_missed(scores: Mapping[str, Any]) -> list[str]:
     said = [f"Warning: {text}." for text in scores["warnings"]]
     shape = scores["shape"]
     if shape is None or not scores["channels"].get("infrared", {}).get("is_explainable", True):
-        nothing = "The model's infrared images are at the noise floor: nothing is missing there."
-        return [*said, nothing, *depth_sentences(scores)]
+        # Beside a warning the noise floor means little.
+        nothing = ["The model's infrared images are at the noise floor: nothing is missing there."] * (not said)
+        return [*said, *nothing, *depth_sentences(scores)]
     suspects = _FAMILIES[shape["kind"]]
     places = [one for one in error_places(scores["where"]) if one["covariate"] != "material" or "material" in suspects]
     place = places[0] if places else None

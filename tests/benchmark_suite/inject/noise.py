@@ -38,7 +38,7 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
     images, where texture makes it too high."""
     pairs = [
         (capture.ir(first, side), capture.ir(second, side))
-        for frames in capture.repeats().values()
+        for frames in capture.repeats()
         for first, second in zip(frames[:-1], frames[1:], strict=True)
         for side in SIDES
         if first.has_infrared and second.has_infrared

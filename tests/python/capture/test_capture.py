@@ -73,9 +73,15 @@ def test_what_is_written_is_read_back_without_a_warning(pristine, tmp_path, recw
 
 def test_repeats_are_grouped_by_split(pristine):
     capture = read_capture(pristine.capture_path)
-    assert sorted(capture.repeats()) == [0, 1, 2]
-    assert sorted(capture.repeats("train")) == [0, 1]
-    assert [frame.id for frame in capture.repeats("test")[2]] == [4, 5]
+    ids = [[frame.id for frame in frames] for frames in capture.repeats()]
+    assert [[frame.id for frame in frames] for frames in capture.repeats("train")] == ids[:2] and len(ids) == 3
+    assert [[frame.id for frame in frames] for frames in capture.repeats("test")] == [[4, 5]]
+
+
+@pytest.mark.parametrize("key", ["exposure_s", "gain", "projector_power"])
+def test_frames_of_another_exposure_or_light_are_no_repeats(folder, key):
+    edit(folder, lambda c: c["frames"][1].update({key: 0.5 * c["frames"][1][key]}))
+    assert [[frame.id for frame in frames] for frames in read_capture(folder).repeats()] == [[2, 3], [4, 5]]
 
 
 def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):

@@ -17,7 +17,7 @@ from activestereo.compare.noise import frame_noise_variances, pair_noise_model
 from activestereo.compare.nuisances import solve_bounded
 from activestereo.compare.render import render_frames
 from activestereo.effects import View
-from activestereo.report.summary import summary_table
+from activestereo.report.summary import summary_table, what_is_missed
 from lab_worlds import WorldRenderer, error_of_truth
 from scipy.optimize import nnls
 from virtual_sensor.world import dot_pattern, make_world
@@ -124,6 +124,27 @@ def test_a_scale_at_its_bound_is_told(world, cache, path):
     warnings, scores = warnings_of(path, world, cache)
     assert scores["fit"]["nuisances"]["ambient_scale"] == 0.0 and scores["fit"]["nuisances"]["projector_scale"] > 0.0
     assert warnings[-1].startswith("the ambient scale is at its bound, 0")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, "frame 0: more than 50 % of its pixels are at full scale, 255 DN: leave it out"),
+        ({"repeat_group": 0}, "the frames of repeat_group 0 vary by "),
+        ({"depth": "depth.png", "depth_scale": 1.0}, "the device's depth is "),
+    ],
+)
+def test_a_recording_that_is_not_as_stated_is_told(world, cache, path, change, words):
+    content = json.loads((path / "capture.json").read_text())
+    for frame in content["frames"]:
+        frame.update(change)
+    (path / "capture.json").write_text(json.dumps(content))
+    write_gray(path / "depth.png", np.full((72, 128), 900, np.uint16))  # millimetres
+    if not change:
+        write_gray(path / content["frames"][0]["left"], np.full((72, 128), 255, np.uint8))
+    warnings, scores = warnings_of(path, world, cache)
+    assert any(text.startswith(words) for text in warnings), warnings
+    assert not any("nothing is missing" in text for text in what_is_missed(scores))
 
 
 def test_a_pair_without_repeats_tells_its_noise(world, cache, path):

@@ -165,6 +165,11 @@ def test_a_sentence_for_each_verdict():
     assert headline(_result(verdict="undetermined", reason="it is dark")).endswith("missing: it is dark.")
 
 
+def test_what_is_wrong_with_the_recording_is_the_first_note():
+    told = _screen(_result(warnings=["frame 2: it is white"], own={"mine": "it ranks last"}), verbose=True)
+    assert 0 < told.index("Warning: frame 2: it is white.") < told.index("mine: it ranks last")
+
+
 def test_an_effect_has_one_share_and_no_words_contradict_it():
     """A rival that rounds to the same share gets a digit more; none is "within 5 %" of a name and explains 95 %."""
     sure = {"effects": ["a"], "rivals": {"c": 0.4, "d": 0.3, "e": 0.2}}  # beside other effects; the ranking's are told
