@@ -135,6 +135,10 @@ def _lamp(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> None:
+    if args.effects and args.model is None:
+        raise cli.CommandError(f"--effects {args.effects[0]} defines effects that a model may have: give --model, too")
+    if args.camera is not None and args.camera_to_world is not None:
+        raise cli.CommandError("--camera and --camera-to-world both state the pose: give one of them")
     model = read_sensor_model(args)
     view = None
     if args.scene.is_dir():  # a capture: its scene, from its first frame's pose

@@ -220,6 +220,9 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--camera-to-world", twos, *out), "2, 2, 2, 2", "expected 0, 0, 0, 1")
     twice_as_large = "2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1"
     assert_refused(run("simulate", table_top, "--camera-to-world", twice_as_large, *out), "rotation")
+    ones = "1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1"
+    assert_refused(run("simulate", table_top, "--camera-to-world", ones, "--camera", "0", *out), "give one of them")
+    assert_refused(run("simulate", table_top, "--effects", tmp_path / "mine.py", *out), "mine.py", "give --model")
     assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5 or 8")
     assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
     assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time-s")

@@ -236,6 +236,15 @@ def test_sensors_and_configs_answer_scripts():
         config.enable_record_to_file("a.bag")
 
 
+@pytest.mark.parametrize(
+    "fault", [{"drop_share": 1.0}, {"jitter_ms": -1.0}, {"latency_ms": {rs.stream.depth: -9.0}}, {"frames": 1.5}]
+)
+def test_a_world_delivers_by_numbers_that_can_be(fault):
+    """A share of 1 would let a script wait without end."""
+    with pytest.raises(ValueError, match=next(iter(fault))):
+        rs.World(**fault)
+
+
 @pytest.mark.parametrize("model", ["D405", "D415", "D435", "D455"])
 def test_disparities_have_the_cameras_own_baseline(model):
     config = StereoDepthSensorConfig(model)

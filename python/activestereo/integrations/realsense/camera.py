@@ -24,6 +24,7 @@ from activestereo.camera.advanced_mode.settings import (
 )
 from activestereo.camera.plan import matcher_parameters as matcher_of
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.common.limits import Limits
 from activestereo.common.pose import Pose, body_pose, camera_to_camera
 from activestereo.integrations.realsense.frames import StreamRequest, intrinsics, video_stream_profile
 from activestereo.integrations.realsense.options import (
@@ -65,6 +66,15 @@ class World:
     device: str | int | kuafu.Device = "auto"
     samples_per_pixel: int = 16
     serial_number: str = "000000000000"
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for numbers that describe no delivery."""
+        Limits(0.0, 0.999).check("drop_share", self.drop_share)
+        Limits(0.0, 1e9, "ms").check("jitter_ms", self.jitter_ms)
+        for name, late_ms in self.latency_ms.items():
+            Limits(0.0, 1e9, "ms").check(f"latency_ms of {name}", late_ms)
+        if self.frames is not None:
+            Limits(0, 2**63, whole=True).check("frames", self.frames)
 
 
 def sensor_ranges(config: StereoDepthSensorConfig) -> dict[option, option_range]:
