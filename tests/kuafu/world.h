@@ -222,6 +222,27 @@ kuafu_texture_desc texture_of(const std::vector<Texel>& texels, uint32_t width, 
   return t;
 }
 
+/// Every seventh texel shines.
+inline std::vector<float> dotted(size_t texels) {
+  std::vector<float> pattern(texels, 0.0f);
+  for (size_t i = 0; i < texels; i += 7) pattern[i] = 1;
+  return pattern;
+}
+
+/// Of infrared light alone.
+inline kuafu_light_desc light_of(uint32_t kind, float ir_intensity, double radius_m = 0) {
+  kuafu_light_desc light = kuafu_light_desc_init(kind);
+  light.ir_intensity = ir_intensity;
+  light.radius_m = radius_m;
+  return light;
+}
+
+inline kuafu_light_desc rectangle_light(float ir_intensity, double width_m, double height_m) {
+  kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, ir_intensity);
+  light.size_m[0] = width_m, light.size_m[1] = height_m;
+  return light;
+}
+
 /// The one name of each kind of stages: those of Embree run on the host.
 inline const auto stages_name = [](const testing::TestParamInfo<uint32_t>& info) {
   return info.param == KUAFU_TRACER_EMBREE ? "host" : "device";
@@ -299,9 +320,8 @@ class World {
   }
 
   kuafu_light_desc projector(const std::vector<float>& pattern, uint32_t width, uint32_t height, double focal_px, float intensity) {
-    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_PROJECTOR, intensity);
     light.texture = add_texture(texture_of(pattern, width));
-    light.ir_intensity = intensity;
     const double k[9] = {focal_px, 0, (width - 1) / 2.0, 0, focal_px, (height - 1) / 2.0, 0, 0, 1};
     std::memcpy(light.k, k, sizeof k);
     return light;
@@ -312,8 +332,7 @@ class World {
   }
 
   uint32_t add_point(const Vec3& position, float intensity, uint32_t environment = KUAFU_ALL_ENVIRONMENTS) {
-    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-    light.ir_intensity = intensity;
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_POINT, intensity);
     light.environment = environment;
     return add_light(light, placed(position));
   }

@@ -30,9 +30,7 @@ void furnish(World& world, bool glossy) {
   world.add(box({0.08, 0.08, 0.08}), lambert(0.5f), placed({0.02, 0.22, 0.95}, 0.5));
   world.add(sphere(0.13, 16, true), glossy ? metal(0.3f) : lambert(0.8f), placed({-0.22, 0.15, 0.85}));
   world.add(sphere(0.12, 16, true), glossy ? glass(1.5f) : lambert(0.4f), placed({0.24, 0.15, 0.75}));
-  std::vector<float> pattern(64 * 64);
-  for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
-  world.add_projector(pattern, 64, 64, 50, 1.0f, placed({0.05, 0, 0}));
+  world.add_projector(dotted(64 * 64), 64, 64, 50, 1.0f, placed({0.05, 0, 0}));
   world.add_point({-0.4, -0.4, 0.3}, 0.2f);
   world.set_environment(0.1f);
 }

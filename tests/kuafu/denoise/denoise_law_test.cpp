@@ -17,13 +17,9 @@ void furnish(World& world) {
   world.add(quad({0, 0.5, 1.2}, {-2, 0, 0}, {0, 0, -1}), lambert(0.4f));
   world.add(sphere(0.25, 16, true), lambert(0.8f), placed({-0.25, 0.2, 1.2}));
   world.add(box({0.15, 0.2, 0.15}), lambert(0.2f), placed({0.35, 0.3, 1.4}, 0.5));
-  std::vector<float> dots(61 * 45, 0.0f);
-  for (size_t i = 0; i < dots.size(); i += 7) dots[i] = 1;
-  world.add_projector(dots, 61, 45, 60, 2.0f, placed({0.05, 0, 0}));
-  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-  lamp.ir_intensity = 3;
+  world.add_projector(dotted(61 * 45), 61, 45, 60, 2.0f, placed({0.05, 0, 0}));
+  kuafu_light_desc lamp = rectangle_light(3, 0.5, 0.5);
   for (float& i : lamp.intensity) i = 3;
-  lamp.size_m[0] = lamp.size_m[1] = 0.5;
   world.add_light(lamp, {1, 0, 0, 0.3, 0, 0, 1, -1.2, 0, -1, 0, 1, 0, 0, 0, 1});
   world.set_environment(0.2f);
 }
@@ -145,10 +141,7 @@ TEST(Denoiser, a_converged_image_keeps_itself) {
   world.desc().max_bounces = 2;
   world.add(quad({0, 0, 1.4}, {-2, 0, 0}, {0, 2, 0}), lambert(0.5f));
   world.add(sphere(0.2, 32, true), lambert(0.9f), placed({0, 0, 1.2}));
-  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_DISK);
-  lamp.ir_intensity = 10;
-  lamp.radius_m = 0.2;
-  world.add_light(lamp, {1, 0, 0, 0.6, 0, 1, 0, -0.6, 0, 0, 1, 0, 0, 0, 0, 1});
+  world.add_light(light_of(KUAFU_LIGHT_DISK, 10, 0.2), {1, 0, 0, 0.6, 0, 1, 0, -0.6, 0, 0, 1, 0, 0, 0, 0, 1});
   const kuafu_view_desc of = view_at({0, 0, 0}, width, height, 50);
   world.desc().seed = 1;
   const Pixels truth = ambient(world, of, 512, KUAFU_DENOISE_NONE);
@@ -165,10 +158,8 @@ TEST(Denoiser, same_bits_for_any_thread_count) {
 TEST(Denoiser, light_groups_are_filtered_and_sum_to_ambient) {
   World world;
   furnish(world);
-  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-  lamp.ir_intensity = 5;
+  kuafu_light_desc lamp = rectangle_light(5, 0.3, 0.3);
   lamp.light_group = 2;
-  lamp.size_m[0] = lamp.size_m[1] = 0.3;
   world.add_light(lamp, {1, 0, 0, -0.6, 0, 0, 1, -1.0, 0, -1, 0, 1, 0, 0, 0, 1});
   world.desc().samples_per_pixel = 2;
   const std::vector<uint32_t> outputs = {KUAFU_OUTPUT_AMBIENT, KUAFU_OUTPUT_LIGHT_GROUP_0, KUAFU_OUTPUT_LIGHT_GROUP_0 + 2};

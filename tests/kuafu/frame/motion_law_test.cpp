@@ -74,13 +74,8 @@ void furnish(World& world, const Vec3& v, const Vec3& w) {
     std::copy_n(&angular.x, 3, light.angular_velocity);
     return world.add_light(light, pose);
   };
-  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-  lamp.ir_intensity = 0.2f;
-  lamp.radius_m = 0.03;
-  add_light(lamp, placed({-0.4, -0.4, 0.3}));
-  std::vector<float> pattern(32 * 32);
-  for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
-  add_light(world.projector(pattern, 32, 32, 25, 1.0f), placed({0.05, 0, 0}, 0.05));
+  add_light(light_of(KUAFU_LIGHT_POINT, 0.2f, 0.03), placed({-0.4, -0.4, 0.3}));
+  add_light(world.projector(dotted(32 * 32), 32, 32, 25, 1.0f), placed({0.05, 0, 0}, 0.05));
 }
 
 const Vec3 v{0.5, -0.3, 0.8}, w{0.9, -1.2, 2.0};

@@ -9,8 +9,7 @@ constexpr uint32_t side = 32;
 constexpr double focal_px = 40, half = (side - 1) / 2.0;
 
 kuafu_light_desc dot_projector(const std::vector<float>& dots, float sigma_px) {
-  kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_PROJECTOR);
-  light.ir_intensity = 1;
+  kuafu_light_desc light = light_of(KUAFU_LIGHT_PROJECTOR, 1);
   const double k[9] = {focal_px, 0, half, 0, focal_px, half, 0, 0, 1};
   std::memcpy(light.k, k, sizeof k);
   light.dots = dots.data();

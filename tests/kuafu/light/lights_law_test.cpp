@@ -8,12 +8,6 @@
 namespace laws {
 namespace {
 
-kuafu_light_desc light_of(uint32_t kind, float ir_intensity) {
-  kuafu_light_desc light = kuafu_light_desc_init(kind);
-  light.ir_intensity = ir_intensity;
-  return light;
-}
-
 /// Pose at `position` whose +z looks back along -z of the world.
 std::array<double, 16> facing_back(const Vec3& position) { return placed(position, pi); }
 
@@ -39,9 +33,7 @@ TEST(Lights, a_point_light_with_a_radius_gives_what_a_point_gives) {
   // A sphere's irradiance on a surface that sees all of it is that of a point (Lambert's sphere).
   for (const double radius : {0.0, 0.01, 0.3}) {
     World world;
-    kuafu_light_desc light = light_of(KUAFU_LIGHT_POINT, 1.0f);
-    light.radius_m = radius;
-    world.add_light(light, placed({0.3, 0, 0.5}));
+    world.add_light(light_of(KUAFU_LIGHT_POINT, 1.0f, radius), placed({0.3, 0, 0.5}));
     const double d2 = 0.09 + 0.25;
     EXPECT_NEAR(irradiance_at_floor(world, 256), 0.5 / std::pow(d2, 1.5), 0.01) << radius;
   }
@@ -77,30 +69,22 @@ double quadrature(double half_width, double half_height, const std::function<dou
 TEST(Lights, a_disk_and_a_rectangle_give_their_form_factors) {
   for (const uint32_t sampling : {KUAFU_SAMPLING_MIS, KUAFU_SAMPLING_LIGHTS, KUAFU_SAMPLING_BSDF}) {
     World disk, rectangle;
-    kuafu_light_desc light = light_of(KUAFU_LIGHT_DISK, 1.0f);
-    light.radius_m = 0.5;
-    disk.add_light(light, placed({0, 0, 0}));
+    disk.add_light(light_of(KUAFU_LIGHT_DISK, 1.0f, 0.5), placed({0, 0, 0}));
     EXPECT_NEAR(irradiance_at_floor(disk, 1024, sampling), pi * 0.25 / 1.25, 0.01) << sampling;  // pi sin^2 of the half angle
-    light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
-    light.size_m[0] = 1;
-    light.size_m[1] = 0.6;
-    rectangle.add_light(light, placed({0, 0, 0}));
+    rectangle.add_light(rectangle_light(1.0f, 1, 0.6), placed({0, 0, 0}));
     EXPECT_NEAR(irradiance_at_floor(rectangle, 1024, sampling), quadrature(0.5, 0.3, [](double, double) { return 1.0; }), 0.01) << sampling;
   }
 }
 
 TEST(Lights, area_lights_shine_to_one_side) {
   World world;
-  kuafu_light_desc light = light_of(KUAFU_LIGHT_DISK, 1.0f);
-  light.radius_m = 0.5;
-  world.add_light(light, facing_back({0, 0, 0}));
+  world.add_light(light_of(KUAFU_LIGHT_DISK, 1.0f, 0.5), facing_back({0, 0, 0}));
   EXPECT_EQ(irradiance_at_floor(world), 0);
 }
 
 TEST(Lights, a_texture_shapes_an_area_light) {
   World world;
-  kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 1.0f);
-  light.size_m[0] = light.size_m[1] = 2;
+  kuafu_light_desc light = rectangle_light(1.0f, 2, 2);
   std::vector<float> ramp(64 * 64);
   for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = float(i % 64) / 63;
   light.texture = world.add_texture(texture_of(ramp, 64));
@@ -144,15 +128,11 @@ TEST(Lights, samplings_agree_on_gloss_under_every_light) {
       World world;
       world.add(quad({0, 0.3, 1}, {-1, 0, 0}, {0, 0, -1}), glossy(roughness));
       world.add(box({0.1, 0.1, 0.1}), emitter(2.0f), placed({0.3, 0.1, 1.2}, 0.4));
-      kuafu_light_desc light = light_of(KUAFU_LIGHT_RECTANGLE, 3.0f);
-      light.size_m[0] = light.size_m[1] = 0.3;
-      world.add_light(light, facing_back({-0.3, 0, 1.6}));
-      light = light_of(KUAFU_LIGHT_POINT, 0.2f);
-      light.radius_m = 0.1;
-      world.add_light(light, placed({0, -0.2, 1.3}));
-      light = light_of(KUAFU_LIGHT_DIRECTIONAL, 0.5f);
-      light.angle_rad = 0.2;
-      world.add_light(light, placed({0, 0, 0}, 2.5));
+      world.add_light(rectangle_light(3.0f, 0.3, 0.3), facing_back({-0.3, 0, 1.6}));
+      world.add_light(light_of(KUAFU_LIGHT_POINT, 0.2f, 0.1), placed({0, -0.2, 1.3}));
+      kuafu_light_desc sun = light_of(KUAFU_LIGHT_DIRECTIONAL, 0.5f);
+      sun.angle_rad = 0.2;
+      world.add_light(sun, placed({0, 0, 0}, 2.5));
       world.desc().light_sampling = sampling;
       return world.radiance(view_at({0, 0, 0}, 24, 24, 20), 512, 2).mean();
     };
@@ -264,13 +244,10 @@ struct Room {
     kuafu_material_desc panel = emitter(lit(1, 3.0f));
     panel.light_group = 1;
     world.add(quad({0.8, 0.5, 1.2}, {0.2, 0, 0}, {0, 0.2, 0}), panel);
-    kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-    lamp.ir_intensity = lit(3, 0.7f);
+    kuafu_light_desc lamp = light_of(KUAFU_LIGHT_POINT, lit(3, 0.7f));
     lamp.light_group = 3;
     world.add_light(lamp, placed({0.3, -0.4, 1}));
-    kuafu_light_desc rectangle = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-    rectangle.ir_intensity = lit(1, 5.0f);
-    rectangle.size_m[0] = rectangle.size_m[1] = 0.3;
+    kuafu_light_desc rectangle = rectangle_light(lit(1, 5.0f), 0.3, 0.3);
     rectangle.light_group = 1;
     world.add_light(rectangle, placed({0.5, -0.5, 0.5}, -0.4));
     world.set_environment(lit(2, 0.2f), 2);

@@ -150,9 +150,7 @@ TEST(BentLight, a_directional_light_is_focused_by_a_ball) {
   World world;
   world.add(quad({0, 0, behind}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(0.5f));
   world.add(sphere(radius, 128, true), glass(float(ior)));
-  kuafu_light_desc sun = kuafu_light_desc_init(KUAFU_LIGHT_DIRECTIONAL);
-  sun.ir_intensity = 1.0f;
-  world.add_light(sun, placed({0, 0, 0}));
+  world.add_light(light_of(KUAFU_LIGHT_DIRECTIONAL, 1.0f), placed({0, 0, 0}));
   world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_BENT;
   world.desc().glass_surfaces = 2;  // no reflection inside
   constexpr int rays = 400000;

@@ -151,8 +151,7 @@ TEST(DiffuseTransmission, has_a_colour_of_its_own_in_infrared) {
   kuafu_material_desc material = paper(0, 1, 0.5f);
   material.ir_diffuse_transmission_color = 0.9f;
   world.add(quad({0, 0, 1}, {-1, 0, 0}, {0, 1, 0}), material);
-  kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-  lamp.ir_intensity = 1;
+  kuafu_light_desc lamp = light_of(KUAFU_LIGHT_POINT, 1);
   for (float& i : lamp.intensity) i = 1;
   world.add_light(lamp, placed({0, 0, 2}));
   kuafu_view_desc view = view_at({0, 0, 0}, 4, 4, 20000);

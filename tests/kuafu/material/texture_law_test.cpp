@@ -267,8 +267,7 @@ TEST_P(TextureLookup, a_light_ends_at_its_range) {
   for (const double range : {0.0, 2.0, 1.25, 0.9}) {
     World world(GetParam());
     world.add(quad({0, 0, 1}, {0.1, 0, 0}, {0, -0.1, 0}), lambert(1));
-    kuafu_light_desc light = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-    light.ir_intensity = float(pi);
+    kuafu_light_desc light = light_of(KUAFU_LIGHT_POINT, float(pi));
     light.range_m = range;
     world.add_light(light, placed({0, 0, 0}));
     const double ending = range == 0 ? 1 : std::max(0.0, 1 - std::pow(1 / range, 4));

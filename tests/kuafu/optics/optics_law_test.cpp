@@ -213,10 +213,8 @@ TEST_P(CameraOptics, lone_bright_pixels_and_pairs_go_and_everything_else_stays) 
 }
 
 TEST_P(CameraOptics, light_straight_from_the_projector_is_no_firefly) {
-  std::vector<float> dots(17 * 17, 0.0f);
-  for (size_t i = 0; i < dots.size(); i += 7) dots[i] = 1.0f;
   world_.add(quad({0, 0, 2}, {-4, 0, 0}, {0, 4, 0}), lambert(0.8f));
-  world_.add_projector(dots, 17, 17, 40, 30);
+  world_.add_projector(dotted(17 * 17), 17, 17, 40, 30);
   kuafu_optics_desc optics = kuafu_optics_desc_init();
   const Pixels dotted = image(optics);
   optics.firefly_factor = 1;

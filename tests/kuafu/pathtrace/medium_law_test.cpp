@@ -165,10 +165,7 @@ TEST(Medium, keeps_out_of_bodies) {
 TEST(Medium, light_samples_and_phase_samples_agree) {
   const auto mean = [](uint32_t sampling) {
     World world;
-    kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-    lamp.ir_intensity = 4;
-    lamp.size_m[0] = lamp.size_m[1] = 0.8;
-    world.add_light(lamp, placed({0.6, 0, 1}, -pi / 2));  // shines towards -x
+    world.add_light(rectangle_light(4, 0.8, 0.8), placed({0.6, 0, 1}, -pi / 2));  // shines towards -x
     world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));
     kuafu_medium_desc m = fog(0.7f, 0.9f);
     m.phase_g = 0.5f;

@@ -13,9 +13,7 @@ void furnish(World& world) {
   world.add(quad({0, 0.3, 0.8}, {-1, 0, 0}, {0, 0, -0.5}), lambert(0.7f));
   world.add(sphere(0.15, 16, true, {-0.2, 0.1, 0.8}), metal(0.4f));
   world.add(sphere(0.15, 16, true, {0.2, 0.1, 0.7}), glass(1.5f));
-  std::vector<float> pattern(64 * 64);
-  for (size_t i = 0; i < pattern.size(); ++i) pattern[i] = i % 7 == 0 ? 1.0f : 0.0f;
-  world.add_projector(pattern, 64, 64, 50, 1.0f, placed({0.05, 0, 0}));
+  world.add_projector(dotted(64 * 64), 64, 64, 50, 1.0f, placed({0.05, 0, 0}));
   world.set_environment(0.1f);
 }
 
@@ -39,14 +37,8 @@ TEST(Sampling, a_surface_that_no_ray_meets_changes_nothing) {
       World world;
       furnish(world);
       if (lights_with_an_extent) {
-        kuafu_light_desc lamp = kuafu_light_desc_init(KUAFU_LIGHT_RECTANGLE);
-        lamp.ir_intensity = 2;
-        lamp.size_m[0] = lamp.size_m[1] = 0.3;
-        world.add_light(lamp, placed({-0.3, -0.6, 0.4}));
-        kuafu_light_desc bulb = kuafu_light_desc_init(KUAFU_LIGHT_POINT);
-        bulb.ir_intensity = 1;
-        bulb.radius_m = 0.1;
-        world.add_light(bulb, placed({0.4, -0.5, 0.5}));
+        world.add_light(rectangle_light(2, 0.3, 0.3), placed({-0.3, -0.6, 0.4}));
+        world.add_light(light_of(KUAFU_LIGHT_POINT, 1, 0.1), placed({0.4, -0.5, 0.5}));
       }
       kuafu_material_desc rough = lambert(0.5f);
       rough.diffuse_roughness = 0.5f;
