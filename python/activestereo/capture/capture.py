@@ -6,6 +6,7 @@ from disk on each call."""
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field, fields, replace
@@ -21,7 +22,7 @@ from activestereo.common.computed_once import computed_once
 from activestereo.common.lens import is_distorting
 from activestereo.common.output_files import flat
 from activestereo.common.parameter import MATCHER
-from activestereo.common.shown import shown
+from activestereo.common.shown import counted, shown
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
@@ -269,8 +270,12 @@ def read_capture(path: str | Path) -> Capture:
         folder = folder.parent
     root = JsonObject.read(folder / "capture.json", "; a capture is a folder with a capture.json")
     capture = capture_from(root)
+    unknown: dict[str, list[str]] = {}  # a key that all frames have is told once
     for key in root.unknown_keys():
-        warnings.warn(f"{root.path}: unknown key {key} is ignored", CaptureWarning, stacklevel=2)
+        unknown.setdefault(re.sub(r"\[[^]]*\]", "", key), []).append(key)
+    for first, *others in unknown.values():
+        more = f", and {counted(len(others), 'other')} like it" if others else ""
+        warnings.warn(f"{root.path}: unknown key {first} is ignored{more}", CaptureWarning, stacklevel=2)
     return capture
 
 

@@ -10,11 +10,12 @@ import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import TextIO, cast
+from typing import Any, TextIO, cast
 
 # Commands multiply small matrices in several processes, whose BLAS threads would wait for one another. Once NumPy is
 # loaded, the variable would reach worker processes alone, and the last bits of theirs would differ.
@@ -101,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return USAGE
         args = _parsed(given)
         args.given = [word for word in given if word != "--allow-outside"]
-        with outside_allowed() if args.allow_outside else nullcontext(), _sigterm_as_ctrl_c():
+        with outside_allowed() if args.allow_outside else nullcontext(), _sigterm_as_ctrl_c(), _warnings_in_a_line():
             with _no_empty_folder(getattr(args, "out", None)), redirect_stdout(cast(TextIO, PlainStream(sys.stdout))):
                 _run(args)
         sys.stdout.flush()
@@ -171,6 +172,24 @@ def _sigterm_as_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Wraps a command. Warnings of this program appear once each, as errors do, without Python's file and line."""
+    python_shows, said = warnings.showwarning, set()
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        text = str(message)
+        if not category.__module__.startswith("activestereo"):
+            python_shows(message, category, *place, **more)
+        elif text not in said:
+            said.add(text)
+            _say(text)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
+
+
+@contextmanager
 def _no_empty_folder(out: Path | None) -> Iterator[None]:
     """Wraps a command. If the command fails, it removes the folders that the command made for `out`, if they are still
     empty. out: the command's --out, or None."""
@@ -224,6 +243,10 @@ def _error_text(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def _fail(text: str, status: int) -> int:
+def _say(text: str) -> None:
     print(f"activestereo: {printable(text)}", file=sys.stderr)
+
+
+def _fail(text: str, status: int) -> int:
+    _say(text)
     return status

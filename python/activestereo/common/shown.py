@@ -91,6 +91,12 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
     return f"unknown {what} '{str(name)[:_MOST_LETTERS]}' (known: {', '.join(names)}){did_you_mean(name, names)}"
 
 
+def unknown_effect(name: object, known: Iterable[str]) -> str:
+    """Returns unknown()'s message of an effect, with where effects are listed and the option that adds one's own."""
+    listing = "'activestereo effect list' has the built-in ones, --effects FILE (in Python effects=) adds yours"
+    return f"unknown effect '{str(name)[:_MOST_LETTERS]}'{did_you_mean(name, known)}: {listing}"
+
+
 def require_known(what: str, names: Iterable[object], known: Collection[str]) -> None:
     """Raises ValueError with the message of unknown() for the first of the names that is not known."""
     for name in names:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from activestereo.capture.capture_json import CaptureError, JsonObject
-from activestereo.common.shown import unknown
+from activestereo.common.shown import unknown_effect
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import surface_names
@@ -29,9 +29,9 @@ def library(*files: str | Path) -> dict[str, Effect]:
 
 
 def find(effects: dict[str, Effect], effect_id: str) -> Effect:
-    """Returns the effect with this id. For an unknown id raises ValueError with all ids and the nearest one."""
+    """Returns the effect with this id. For an unknown id raises ValueError with the nearest one."""
     if effect_id not in effects:
-        raise ValueError(unknown("effect", effect_id, effects))
+        raise ValueError(unknown_effect(effect_id, effects))
     return effects[effect_id]
 
 

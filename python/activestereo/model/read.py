@@ -12,7 +12,7 @@ import numpy as np
 from activestereo.capture.capture import read_camera
 from activestereo.capture.capture_json import JsonObject
 from activestereo.common.limits import BITS, EXPOSURE, FOCAL, GAIN, LINE_TIME, POWER, SIDE
-from activestereo.common.shown import unknown
+from activestereo.common.shown import unknown_effect
 from activestereo.effects import builtin
 from activestereo.effects.core.descriptor import Effect
 from activestereo.effects.core.surfaces import SURFACES
@@ -88,7 +88,7 @@ def _effects(root: JsonObject, effects: dict[str, Effect]) -> tuple[ModelEffect,
     for entry in root.objects("effects") if root.has("effects") else []:
         name = entry.text("id")
         if name not in effects:
-            entry.fail("id", unknown("effect", name, effects))
+            entry.fail("id", unknown_effect(name, effects))
         if name in (e.effect.id for e in found):
             entry.fail("id", f"the effect '{name}' is there twice")
         entry.name = f"effects[{name}]"

@@ -96,10 +96,12 @@ def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
 def test_unknown_keys_warn_and_are_ignored(folder):
     edit(folder, lambda c: c.update(owner="me"))
     edit(folder, lambda c: (c["frames"][2].update(weather="fine"), c["rig"]["left"].update(lens="x")))
+    edit(folder, lambda c: [frame.update(who="me") for frame in c["frames"]])
     with pytest.warns(CaptureWarning) as caught:
         capture = read_capture(folder)
     said = " ".join(str(w.message) for w in caught)
     assert all(key in said for key in ("owner", "frames[id=2].weather", "rig.left.lens"))
+    assert len(caught) == 4 and "key frames[id=0].who is ignored, and 7 others like it" in said
     assert len(capture.frames) == 8
 
 

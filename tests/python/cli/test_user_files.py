@@ -8,11 +8,12 @@ import platform
 import random
 import struct
 import subprocess
+import warnings
 from pathlib import Path
 from typing import Any
 
 import pytest
-from activestereo.capture.capture import read_capture
+from activestereo.capture.capture import CaptureWarning, read_capture
 from activestereo.capture.capture_json import CaptureError
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_json, read_text, read_toml
@@ -225,6 +226,15 @@ def test_what_nobody_foresaw_and_a_missing_package_are_one_line(monkeypatch, cap
     assert cli.main(["presets"]) == 3
     text = capsys.readouterr().err
     assert text.count("\n") == 1 and said in text
+
+
+def test_a_warning_is_a_line_as_an_error_is(monkeypatch, run):
+    def warn(_: object) -> None:
+        for _ in range(2):
+            warnings.warn("key colour is ignored", CaptureWarning, stacklevel=1)
+
+    monkeypatch.setattr("activestereo.cli.presets.run", warn)
+    assert run("presets").stderr == "activestereo: key colour is ignored\n"
 
 
 @pytest.mark.parametrize("arguments", [["effect", "check", "a\nb"], ["doctor", "a\nb"], ["a\nb"]])

@@ -111,7 +111,10 @@ def test_surfaces_are_bound_by_name(whole):
     [
         (lambda r: r.update(version=3), "version: is 3; this program reads versions 1 to 2"),
         (lambda r: r.update(format="other"), "format: is 'other'"),
-        (lambda r: r["effects"][0].update(id="glow"), "unknown effect 'glow'"),
+        (
+            lambda r: r["effects"][0].update(id="glow"),
+            "unknown effect 'glow': 'activestereo effect list' has the built-in ones, --effects FILE",
+        ),
         (lambda r: r["effects"][0]["parameters"].update(power=1.0), "vignetting has no such parameter"),
         (lambda r: r["effects"][0]["parameters"]["exponent"].update(value=99.0), "is 99 1, outside 0..8"),
         (lambda r: r["effects"][0]["parameters"]["exponent"].update(value="much"), "expected a finite number"),
