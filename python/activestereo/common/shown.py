@@ -98,7 +98,10 @@ def unknown_effect(name: object, known: Iterable[str]) -> str:
 
 
 def require_known(what: str, names: Iterable[object], known: Collection[str]) -> None:
-    """Raises ValueError with the message of unknown() for the first of the names that is not known."""
+    """Raises ValueError with the message of unknown() for the first of the names that is not known. Raises TypeError
+    for a text in place of several names."""
+    if isinstance(names, str):
+        raise TypeError(f"{what} is {shown(names)}, expected a sequence of names: [{shown(names)}]")
     for name in names:
         if name not in known:
             raise ValueError(unknown(what, name, known))

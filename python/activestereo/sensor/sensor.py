@@ -24,7 +24,7 @@ from activestereo.common.limits import TEMPERATURE, TIME
 from activestereo.common.parameter import MATCHER
 from activestereo.common.pose import Pose, as_matrix, camera_to_world
 from activestereo.common.progress_bar import Progress
-from activestereo.common.shown import unknown
+from activestereo.common.shown import require_known, unknown
 from activestereo.effects.core.engine import EngineInputs
 from activestereo.model import SensorModel
 from activestereo.sensor.engine import SensorEngine
@@ -102,6 +102,7 @@ class StereoDepthSensor(SensorResults):
         gives the same depth. Computes maps that were read for an earlier picture, and the named ones: 'disparity',
         'ir_left', 'ir_right' and the config's depth_maps. Others are computed when they are first read, which matches
         again."""
+        require_known("map", maps, ("disparity", "ir_left", "ir_right", *self._depth_maps))
         self._engine.match(maps)
 
     def compute_depth_from(

@@ -259,6 +259,11 @@ def test_what_does_not_go_together_is_told(config):
         sensor(**given | {"depth": None})
     with pytest.raises(ValueError, match="material is missing: give each pixel's number, here of 7, or make"):
         GBufferStereo(config, 2, materials={7: kuafu.Material()})(**given)
+    for key in ("wood", 1.5):
+        with pytest.raises(TypeError, match=f"materials has the key '?{key}'?: the materials' numbers are whole"):
+            GBufferStereo(config, materials={key: kuafu.Material()})
+    with pytest.raises(TypeError, match="output is 'depth', expected a sequence of names"):
+        sensor(**given, outputs="depth")
     with pytest.raises(ValueError, match="made without materials="):
         sensor(**given, material=np.zeros((2, 120, 160), int))
     with pytest.raises(ValueError, match="laser_power of environment 1 is -1"):

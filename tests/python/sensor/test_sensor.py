@@ -159,6 +159,19 @@ def test_a_map_that_the_configuration_lacks_is_refused_with_the_remedy(small_con
         StereoDepthSensor(small_config, wall_scene(1.0)).get_depth_map(name)
 
 
+@pytest.mark.parametrize(
+    ("maps", "words"),
+    [
+        ("disparity", "expected a sequence of names"),
+        (["ir_lef"], "did you mean 'ir_left'"),
+        (["reason"], "unknown map"),
+    ],
+)
+def test_depth_is_computed_with_maps_that_can_be_read(small_config, maps, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        StereoDepthSensor(small_config, wall_scene(1.0)).compute_depth(maps)
+
+
 def test_the_projector_is_seen_by_the_infrared_cameras_only(small_config):
     small_config.max_bounces, small_config.samples_per_pixel = 0, 1
     sensor = StereoDepthSensor(small_config, wall_scene(0.9))

@@ -43,8 +43,11 @@ class MaterialNumbers:
     def __init__(self, scene: kuafu.Scene, materials: Any) -> None:
         self.is_given = materials is not None
         items = materials.items() if isinstance(materials, Mapping) else enumerate(materials or ())
-        found = {int(number): material for number, material in items}
+        found = dict(items)
         for number, material in found.items():
+            if not isinstance(number, (int, np.integer)):
+                text = "the materials' numbers are whole, as the image `material` has them"
+                raise TypeError(f"materials has the key {shown(number)}: {text}")
             if not isinstance(material, kuafu.Material):
                 raise TypeError(f"materials[{number}] is {material!r}, expected a kuafu.Material")
         if found and (min(found) < 0 or max(found) > 0xFFFF):
