@@ -134,6 +134,14 @@ def test_all_devices_and_pipelines_are_one_camera():
     camera = rs.pipeline().device().camera
     assert stereo.get_option(rs.option.laser_power) == 30 == camera.config().laser_power_mw
     assert camera.settings.values["param-secondpeakdelta"] == 10
+    asked = rs.config()
+    asked.enable_stream(rs.stream.depth, 96, 72)
+    first, second = rs.pipeline(), rs.pipeline()
+    first.start(asked)
+    with pytest.raises(RuntimeError, match="Device or resource busy: another pipeline has the camera"):
+        second.start()
+    first.stop()
+    assert second.start().get_stream(rs.stream.depth).width() == 848  # not the other config's
     for change in (rs.device().hardware_reset, lambda: rs.simulate(rs.World())):
         rs.device().first_depth_sensor().set_option(rs.option.laser_power, 30)
         change()
@@ -145,6 +153,7 @@ def test_all_devices_and_pipelines_are_one_camera():
     [
         (lambda c: c.enable_stream(rs.stream.depth, 64, 48, rs.format.rgb8, 30), "is not simulated"),
         (lambda c: c.enable_stream(rs.stream.infrared, 3), "infrared has the index 1 or 2, not 3"),
+        (lambda c: c.enable_stream(rs.stream.depth, framerate=-30), "-30 frames a second"),
         (lambda c: c.enable_stream(rs.stream.depth, width=64), "a size of 64x0: give both sides"),
         (lambda c: rs.pipeline().start(c, lambda frame: None), "takes a config and a frame_queue, not a function"),
         (lambda c: c.enable_device_from_file("a.bag"), "plays no recordings"),

@@ -105,10 +105,10 @@ class SimulatedCamera:
         self.baseline_m = self.base.baseline_m
         self.settings = AdvancedSettings({})
         self.values = {which: r.default for which, r in sensor_ranges(self.base).items()}
-        width, height = self.base.ir_resolution
-        self.depth_size = width, height
-        width, height = self.base.rgb_resolution
-        self.color_size = width, height
+        self.depth_size = self.own_depth_size = self.base.ir_resolution
+        self.color_size = self.own_color_size = self.base.rgb_resolution
+        # Returns the pipeline that the camera streams to, or None; one at a time.
+        self.streams_to: Callable[[], object | None] = lambda: None
         self._scene: kuafu.Scene | None = None
         self._sensor: StereoDepthSensor | None = None
         self._config: StereoDepthSensorConfig | None = None  # time of the next picture

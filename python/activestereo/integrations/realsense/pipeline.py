@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import weakref
 from types import SimpleNamespace
 from typing import Any
 
@@ -220,6 +221,8 @@ class config:
             )
         if not known:
             raise RuntimeError(f"Couldn't resolve requests: {stream_type} is not simulated")
+        if fps < 0:
+            raise RuntimeError(f"Couldn't resolve requests: {fps} frames a second")
         if bool(width) != bool(height):
             raise RuntimeError(f"Couldn't resolve requests: a size of {width}x{height}: give both sides, or none")
         there = (1, 2) if stream_type == stream.infrared else (0,)
@@ -265,8 +268,7 @@ class pipeline_profile:
             sizes = {(r.width, r.height) for r in requests if r.stream in streams and r.width and r.height}
             if len(sizes) > 1:
                 raise RuntimeError(f"Couldn't resolve requests: depth and infrared have one size, not {sorted(sizes)}")
-            for size in sizes:
-                setattr(of.camera, name, size)
+            setattr(of.camera, name, sizes.pop() if sizes else getattr(of.camera, f"own_{name}"))
         of.camera.set_settings(of.camera.settings)
         self.streams: list[video_stream_profile] = []
         for r in requests:
@@ -315,7 +317,11 @@ class pipeline:
         asked = next((a for a in args if isinstance(a, config)), config())
         queue = next((a for a in args if isinstance(a, frame_queue)), None)
         of = self.device()
+        other = of.camera.streams_to()
+        if other is not None and other is not self:
+            raise RuntimeError("Device or resource busy: another pipeline has the camera: call its stop() first")
         self._profile, self._number = pipeline_profile(of, asked), 0
+        of.camera.streams_to = weakref.ref(self)
         self._random = np.random.default_rng(of.camera.world.seed)
         if queue is not None:
             queue.source = self
@@ -325,6 +331,7 @@ class pipeline:
         if self._profile is None:
             raise RuntimeError("stop() cannot be called before start()")
         self._profile = None
+        self.device().camera.streams_to = lambda: None
         self.device().camera.close()
 
     def get_active_profile(self) -> pipeline_profile:
