@@ -123,15 +123,6 @@ def test_echoed_messages_of_ros_in_one_file(imported, tmp_path, upper):
     assert_raw(read_capture(tmp_path / "out").rig, 5)
 
 
-def test_rectified_images_of_ros_have_the_projection_matrix(imported, tmp_path, capsys):
-    assert imported(saved_by_ros("left"), saved_by_ros("right"), more=["--rectified"]) == 0
-    rig = read_capture(tmp_path / "out").rig
-    assert rig.left.is_pinhole and rig.right.is_pinhole and rig.baseline_m == pytest.approx(BASELINE)
-    np.testing.assert_array_equal(rig.left.K, NEW_K)
-    np.testing.assert_array_equal(rig.left_to_right[:3, :3], np.eye(3))
-    assert "not rectified" not in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     "model, numbers",
     [
@@ -208,11 +199,14 @@ def test_what_opencv_itself_writes_into_two_files_is_read(recording, tmp_path, s
     assert_raw(read_capture(tmp_path / "out").rig, 5)
 
 
-def test_rectified_images_of_opencv_have_p1_and_p2(imported, tmp_path):
-    assert imported(opencv(left_to_right()), more=["--rectified"]) == 0
+@pytest.mark.parametrize("files", [[*map(saved_by_ros, ("left", "right"))], [opencv(left_to_right())]])
+def test_rectified_images_have_the_projection_matrices(imported, tmp_path, capsys, files):
+    assert imported(*files, more=["--rectified"]) == 0
     rig = read_capture(tmp_path / "out").rig
-    assert rig.left.is_pinhole and rig.baseline_m == pytest.approx(BASELINE)
-    np.testing.assert_array_equal(rig.right.K, NEW_K)
+    assert rig.left.is_pinhole and rig.right.is_pinhole and rig.baseline_m == pytest.approx(BASELINE)
+    np.testing.assert_array_equal([rig.left.K, rig.right.K], [NEW_K, NEW_K])
+    np.testing.assert_array_equal(rig.left_to_right[:3, :3], np.eye(3))
+    assert "not rectified" not in capsys.readouterr().out
 
 
 def test_opencvs_camera_1_may_be_the_right_one(imported, tmp_path):
