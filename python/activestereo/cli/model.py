@@ -68,7 +68,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "also tells how far defaults and profiles are from the sensor in N other rooms"
     export.add_argument("--held-out", type=cli.integer_from(0), default=0, metavar="N", help=text)
     text = "the preset that says what a model.json does not (default: D435)"
-    export.add_argument("--sensor", default="D435", metavar="NAME", help=text)
+    export.add_argument("--sensor", metavar="NAME", help=text)
     cli.add_shared(export, out=True, device=True, samples={"default": 16, "help": "rays per pixel (default: 16)"})
     cli.add_shared(export, seed="of the rooms", effects=", where the model has some", json=True)
 
@@ -151,8 +151,12 @@ def run_export(args: argparse.Namespace) -> None:
     from activestereo.model import read_model
 
     model = read_model(args.model, library(*args.effects)) if args.model.endswith(".json") else None
+    if model is None and args.sensor is not None:
+        raise cli.CommandError(
+            f"--sensor {args.sensor} completes a model.json, and {args.model} is a preset: leave it out"
+        )
     of = StereoDepthSensorConfig
-    config = of(args.model) if model is None else of.from_model(model, args.sensor)
+    config = of(args.model) if model is None else of.from_model(model, args.sensor or "D435")
     config.samples_per_pixel = args.spp
     cli.make_folder(args.out)
     with ProgressBar("simulating the sensor") as bar:

@@ -203,6 +203,11 @@ def test_depth_refuses_what_is_wrong(run, pair, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_preset_is_exported_without_another_sensor(run, tmp_path):
+    result = run("model", "export", "D435", "--sensor", "d415", "--out", tmp_path / "out")
+    assert_refused(result, "--sensor d415", "D435 is a preset: leave it out")
+
+
 def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     out = ("--out", tmp_path / "out")
     broken = tmp_path / "broken.stl"

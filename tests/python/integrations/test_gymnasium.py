@@ -214,6 +214,9 @@ def test_lerobot_evaluates_on_measured_depth(monkeypatch):
     monkeypatch.delitem(sys.modules, "activestereo.integrations.lerobot", raising=False)
     importlib.import_module("activestereo.integrations.lerobot")
     config = registered["libero_stereo"]("libero_goal")
+    for fault in ({"depth_camera": "agentveiw"}, {"depth_white_m": 0.0}):
+        with pytest.raises(ValueError, match=next(iter(fault))):
+            registered["libero_stereo"]("libero_goal", **fault)
     assert config.features["pixels/depth"] == ("v", (HEIGHT, WIDTH, 3))
     assert config.features_map["pixels/depth"] == "observation.images.depth"
     envs = config.create_envs(2, use_async_envs=True)["libero_goal"][4].envs

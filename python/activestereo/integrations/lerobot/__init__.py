@@ -17,8 +17,11 @@ from lerobot.configs.types import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig, LiberoEnv
 from numpy.typing import NDArray
 
+from activestereo.common.limits import Limits
+from activestereo.common.shown import require_known
 from activestereo.integrations.gymnasium import StereoDepth
 
+_WHITE = Limits(0.01, 100.0, "m")
 FOVY_DEG = {"agentview": 45.0, "robot0_eye_in_hand": 75.0}  # LIBERO's arenas, robosuite's Panda
 
 
@@ -35,6 +38,8 @@ class LiberoStereo(LiberoEnv):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_known("depth_camera", [self.depth_camera], FOVY_DEG)
+        _WHITE.check("depth_white_m", self.depth_white_m)
         size = self.observation_height, self.observation_width
         self.features["pixels/depth"] = PolicyFeature(FeatureType.VISUAL, (*size, 3))
         self.features_map["pixels/depth"] = "observation.images.depth"
