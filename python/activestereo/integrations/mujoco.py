@@ -269,14 +269,9 @@ class MujocoScene:
                 shape = Shape(number, [self._looks.material(geom)])
                 self.bodies.add(self._name(geom), [shape], semantic_id=geom + 1)
                 self._geoms.append(geom)
-        self._lights: list[tuple[int, int, int | None]] = []  # numbers in the scene and in the model, environment
-        for environment, state in enumerate(self._states):
-            for number in range(model.nlight):
-                where = environment if self.is_batch else None
-                record = light(model, state, number, where)
-                if record is not None:
-                    self._lights.append((self.scene.add_light(record), number, where))
-        self.scene.set_environment(ambient_radiance(model))
+        # {(environment, number in the model): (number in the scene, pose and intensity there)}
+        self._lights: dict[tuple[int, int], tuple[int, tuple[bytes, tuple[float, ...]]]] = {}
+        self._ambient: tuple[float, float, float] | None = None
         counts = {"skins": model.nskin, "flexes": model.nflex, "tendons": model.ntendon}
         left_out = [f"{count} {what}" for what, count in counts.items() if count]
         if left_out:
@@ -285,13 +280,15 @@ class MujocoScene:
         self.update()
 
     def update(self) -> int:
-        """Moves the scene to the present states. Returns the number of geoms that moved. Raises BodyPoseError, with
-        environment and geom, if a state has turned NaN; the other environments have moved."""
-        for in_scene, number, environment in self._lights:
-            record = light(self.model, self._states[environment or 0], number, environment)
-            before = self.scene.get_light(in_scene)
-            if record is not None and not np.array_equal(record.light_to_world, before.light_to_world):
-                self.scene.set_light(in_scene, record)
+        """Moves the scene to the present states, and switches, dims and colours its lights as the model has them now.
+        Returns the number of geoms that moved. Raises BodyPoseError, with environment and geom, if a state has turned
+        NaN; the other environments have moved."""
+        for environment, state in enumerate(self._states):
+            for number in range(self.model.nlight):
+                self._update_light(environment, state, number)
+        if (ambient := ambient_radiance(self.model)) != self._ambient:
+            self._ambient = ambient
+            self.scene.set_environment(ambient)
         poses = np.zeros((len(self._states), len(self._geoms), 4, 4))
         for pose, data in zip(poses, self._states, strict=True):
             pose[:, :3, :3] = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
@@ -317,6 +314,23 @@ class MujocoScene:
         """Returns the name of the geom that a pixel of the picture 'semantic_id' shows. semantic_id: the pixel's value,
         the geom's number + 1 (0 = no geom)."""
         return self._name(semantic_id - 1)
+
+    def _update_light(self, environment: int, state: mujoco.MjData, number: int) -> None:
+        """Adds or changes the light of an environment where it differs from the model's. One that is off stays in the
+        scene, dark."""
+        record = light(self.model, state, number, environment if self.is_batch else None)
+        in_scene, before = self._lights.get((environment, number), (None, None))
+        if in_scene is None:
+            if record is None:
+                return
+            in_scene = self.scene.add_light(record)
+        elif record is None:
+            record = self.scene.get_light(in_scene)
+            record.intensity = (0.0, 0.0, 0.0)
+        now = np.asarray(record.light_to_world).tobytes(), tuple(record.intensity)
+        if before is not None and now != before:
+            self.scene.set_light(in_scene, record)
+        self._lights[environment, number] = in_scene, now
 
     def _mesh(self, geom: int) -> int | None:
         """Returns the number of a geom's mesh in the scene, None without a surface. Geoms of equal shape and texturing

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A MuJoCo model mirrored into a scene, against MuJoCo's own rays."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -129,6 +131,30 @@ def test_looks_come_from_the_model(model):
     lights = [scene.get_light(k) for k in range(scene.summary.light_count)]
     assert {(k.name, k.kind) for k in lights} == {("lamp", "spot"), ("sun", "directional")}
     np.testing.assert_allclose(lights[1].intensity, np.pi * 0.7, rtol=1e-6)
+
+
+def test_lights_are_switched_and_dimmed_with_the_model():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom size=".1"/><light type="directional" dir="0 0 -1"/>
+        <light type="directional" dir="0 1 -1" active="false"/></worldbody></mujoco>"""
+    )
+    world = MujocoScene(model, state(model))
+    assert world.scene.summary.light_count == 1
+    model.light_diffuse[0] *= 0.5
+    model.light_active[1] = True
+    world.update()
+    intensities = [world.scene.get_light(n).intensity[0] for n in range(2)]
+    np.testing.assert_allclose(intensities, [0.5 * np.pi * 0.7, np.pi * 0.7], rtol=1e-6)
+    model.light_active[0] = False
+    world.update()
+    assert world.scene.get_light(0).intensity == (0.0, 0.0, 0.0)
+    model.vis.headlight.active = False
+    told = []
+    world.scene = SimpleNamespace(set_environment=told.append)
+    world._lights, model.light_active[:] = {}, False
+    world.update()
+    world.update()
+    assert told == [(0.0, 0.0, 0.0)]
 
 
 def test_a_lambertian_floor_shines_as_mujoco_says(model):
