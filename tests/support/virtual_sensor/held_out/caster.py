@@ -69,3 +69,11 @@ def _candidates(solid, origins, directions):
     along = np.einsum("ij,ij->i", to_centre, directions)
     across = np.einsum("ij,ij->i", to_centre, to_centre) - along**2
     return np.flatnonzero((across <= radius**2) & (along > -radius))
+
+
+def tangents(normals):
+    """Returns two unit vectors for each normal [n][3], across it and across one another."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    tangent = np.cross(helper, normals)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    return tangent, np.cross(normals, tangent)

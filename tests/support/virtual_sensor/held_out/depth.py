@@ -61,16 +61,16 @@ def _faults(disparity, hidden):
         a = hidden["pixel_locking"]["amplitude_px"]
         d = d - a * (np.sin(2 * np.pi * d) - np.sin(6 * np.pi * d) / 9)
     if "foreshortening_bias" in hidden:
-        smooth = gaussian_filter(np.where(valid, d, 0.0), 2.5) / np.maximum(
-            gaussian_filter(valid.astype(float), 2.5), 1e-6
-        )
-        d = d + hidden["foreshortening_bias"]["px_per_slope"] * np.abs(np.gradient(smooth, axis=0)).clip(0, 0.3)
+        slope = np.abs(np.gradient(_smoothed(d, valid, 2.5), axis=0)).clip(0, 0.3)
+        d = d + hidden["foreshortening_bias"]["px_per_slope"] * slope
     if "post_filter" in hidden:
-        sigma = hidden["post_filter"]["sigma_px"]
-        d = gaussian_filter(np.where(valid, d, 0.0), sigma) / np.maximum(
-            gaussian_filter(valid.astype(float), sigma), 1e-6
-        )
+        d = _smoothed(d, valid, hidden["post_filter"]["sigma_px"])
     return np.where(valid, d, 0.0)
+
+
+def _smoothed(d, valid, sigma):
+    weight = gaussian_filter(valid.astype(float), sigma)
+    return gaussian_filter(np.where(valid, d, 0.0), sigma) / np.maximum(weight, 1e-6)
 
 
 def _census(image):

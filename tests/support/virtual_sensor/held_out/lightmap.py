@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.sparse import csr_matrix
 
-from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest
+from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, tangents
 from virtual_sensor.held_out.charts import charts, inside, locate
 
 _RAYS = 192
@@ -133,9 +133,6 @@ def _bilinear(grid, row, column, wraps):
 def _cosine(normals, u):
     """Returns cosine-distributed directions about the normals, by Malley's disc. u: random numbers [n][2]."""
     radius, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    tangent = np.cross(helper, normals)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    bitangent = np.cross(normals, tangent)
+    tangent, bitangent = tangents(normals)
     x, y, z = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - u[:, 0])
     return x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * normals

@@ -22,12 +22,8 @@ def errors(world, images):
             for side in SIDES:
                 measured = images[frame.id, side].astype(np.float64)
                 floor.append(np.mean((measured - world.expected(frame, side, world.hidden)) ** 2))
-                before.append(
-                    np.mean(
-                        (measured - np.clip(scales @ _columns(world, frame, side), 0, MAX_DN).reshape(measured.shape))
-                        ** 2
-                    )
-                )
+                model = np.clip(scales @ _columns(world, frame, side), 0, MAX_DN)
+                before.append(np.mean((measured - model.reshape(measured.shape)) ** 2))
         floor, before = np.sqrt(np.mean(floor)), np.sqrt(np.mean(before))
         ratio = np.sqrt(max(0.0, before**2 - floor**2)) / floor
         figures[split] = {"floor_dn": float(floor), "before_dn": float(before), "ratio": float(ratio)}

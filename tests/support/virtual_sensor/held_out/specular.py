@@ -4,7 +4,7 @@ Sparrow 1967), under Schlick's Fresnel term. The product uses GGX."""
 
 import numpy as np
 
-from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, transmittance
+from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, tangents, transmittance
 
 _LOBE = 4
 _GOLDEN = 0.61803398875
@@ -56,10 +56,7 @@ def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness, e
 def _lobe(normals, view, f0, roughness):
     """Returns (directions [k][n][3] of mirrored light, the share [k][n] of it that is reflected), off facets drawn by
     their number and area. Neighbouring rays draw others."""
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    tangent = np.cross(helper, normals)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    bitangent, start = np.cross(normals, tangent), np.arange(len(normals)) * _GOLDEN % 1.0
+    (tangent, bitangent), start = tangents(normals), np.arange(len(normals)) * _GOLDEN % 1.0
     ways, weights = [], []
     for k in range(_LOBE):
         tilt = _tilt((k + (start * 7.0 + 0.5) % 1.0) / _LOBE, roughness)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from virtual_sensor.held_out.camera import axis_cosine
-from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, transmittance
+from virtual_sensor.held_out.caster import LIFT_M, albedo_of, closest, tangents, transmittance
 from virtual_sensor.held_out.medium import backscatter, faded
 from virtual_sensor.held_out.rig import look_at
 from virtual_sensor.held_out.specular import glints
@@ -132,10 +132,7 @@ def _direct(world, frame, points, normals, index, poses, row):
 def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
     """Returns irradiance / pi that leaves points of a translucent surface. The light enters around them, with density
     exp(-r / length_m) over the tangent plane."""
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    tangent = np.cross(helper, normals)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    bitangent = np.cross(normals, tangent)
+    tangent, bitangent = tangents(normals)
     start = (np.arange(len(points)) * 0.61803398875) % 1.0 * 2 * np.pi
     total = np.zeros(len(points))
     for k in range(_RING):
