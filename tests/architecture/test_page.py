@@ -136,6 +136,21 @@ def test_recipes_name_what_exists():
     assert not [name for name in names if not any((base / name).exists() for base in (ROOT, PACKAGE))]
 
 
+def test_a_name_without_folder_stands_in_the_last_path_s_folder():
+    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \|$", PAGE[PAGE.index("## Recipes") :], re.MULTILINE)
+    found = []
+    for row in rows:
+        folder = ""
+        for name in re.findall(r"`([\w./{},<>-]+)`", row):
+            if "/" in name:
+                last = places(name)[-1]
+                folder = last if "<" in name else last.rpartition("/")[0]
+            elif folder and re.fullmatch(r"[\w{},]+\.(\w+|{[\w,]+})", name):
+                found += [f"{folder}/{path}" for path in places(name)]
+    assert len(rows) > 40 and len(found) > 30
+    assert not [path for path in found if not any((base / path).exists() for base in (ROOT, PACKAGE))]
+
+
 def described_folders(root: str) -> list[str]:
     """Folders under `root` that a table of the page describes, in its order."""
     rows = re.findall(r"^\| ((?:`[^`]+`(?:, )?)+) \| [^|]+ \|$", PAGE, re.MULTILINE)
