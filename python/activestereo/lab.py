@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.compare.compare import Comparison, compare
-from activestereo.compare.model_file import find, library, read_model, scene_of, write_model
+from activestereo.compare.model_file import compared_under, find, library, read_model, scene_of, with_effects_of
 from activestereo.diagnose import Diagnosis, diagnose
 from activestereo.effects.core.model import Model
+from activestereo.model import SensorModel, write_model
+from activestereo.model import read_model as read_sensor_model
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
 _SETTINGS = ("renderer", "samples_per_pixel", "max_bounces", "seed", "cache", "progress")
@@ -20,7 +22,7 @@ _SETTINGS = ("renderer", "samples_per_pixel", "max_bounces", "seed", "cache", "p
 
 class Lab:
     """Holds a capture folder and the sensor model under test: a Model, the path of a model.json, or None for no
-    effects.
+    effects. All that a model.json says beside its effects holds, too: rig, pattern, imager, materials.
 
     effects: files with the user's own effects. settings: keyword arguments of compare() and diagnose(): renderer,
     samples_per_pixel, max_bounces, seed, cache, progress. Raises TypeError for others.
@@ -38,20 +40,25 @@ class Lab:
         self.capture = capture
         self.effects = library(*effects)
         self.model = model if isinstance(model, Model) else read_model(model, self.effects, scene_of(capture))
+        # The file's sensor.
+        self._stated = None if model is None or isinstance(model, Model) else read_sensor_model(model, self.effects)
         self.comparison: Comparison | None = None
         self.diagnosis: Diagnosis | None = None
         self._settings = settings
 
     def compare(self) -> Comparison:
         """Renders the capture with the present model, keeps the Comparison in `comparison` and returns it."""
-        self.comparison = compare(self.capture, model=self.model, **self._settings)
+        own: dict[str, Any] = {"model": self.model}
+        under = own if self._stated is None else compared_under(self._whole(), self.capture)
+        self.comparison = compare(self.capture, **under, **self._settings)
         return self.comparison
 
     def diagnose(self, workers: int | None = None) -> Diagnosis:
         """Finds the effects that the model lacks and returns the Diagnosis. The model does not change until add().
         workers: processes; None for one per core."""
         workers = workers or os.cpu_count() or 1
-        self.diagnosis = diagnose(self.capture, self.model, self.effects, workers=workers, **self._settings)
+        model: Model | SensorModel = self.model if self._stated is None else self._whole()
+        self.diagnosis = diagnose(self.capture, model, self.effects, workers=workers, **self._settings)
         return self.diagnosis
 
     def add(self, effect_id: str, **parameters: float) -> Model:
@@ -76,5 +83,10 @@ class Lab:
             write_diagnosis(found, folder)
         paths = write_report(comparison, folder)
         if found is None or found.sensor_model is None or self.model is not found.model:  # else it is written
-            write_model(paths[0].parent / "model.json", self.model, scene_path=scene_of(self.capture))
+            write_model(paths[0].parent / "model.json", self._whole())
         return paths
+
+    def _whole(self) -> SensorModel:
+        """Returns the present effects beside all else that the last diagnosis found, or the given file says."""
+        found = None if self.diagnosis is None else self.diagnosis.sensor_model
+        return with_effects_of(found or self._stated or SensorModel(), self.model, scene_of(self.capture))

@@ -84,22 +84,16 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """Returns compare()'s arguments for the model of --model: its effects and calibration. They also include its scene
-    measurement and the render engines, unless the capture is a measured room.
+    """Returns compare()'s arguments for the model of --model, with the render engines unless the capture is a measured
+    room.
 
     In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of
-    from activestereo.compare.model_file import scene_of
-    from activestereo.effects.core.surfaces import surface_names
+    from activestereo.compare.model_file import compared_under
     from activestereo.effects.engines.loaded_scene import is_measured_room
     from activestereo.model import read_model
-    from activestereo.model.diagnosed import calibrated
 
-    model, names = read_model(args.model, effects), surface_names(scene_of(args.capture))
-    parts: dict[str, Any] = {"model": model.bound(names), "calibrate": lambda capture: calibrated(capture, model)}
+    parts = compared_under(read_model(args.model, effects), args.capture)
     if is_measured_room(capture):
         return parts
-    return parts | {
-        "scene_measurement": model.scene_measurement(names),
-        "engines": engines_of(args.device, args.spp, args.max_bounces, args.seed),
-    }
+    return parts | {"engines": engines_of(args.device, args.spp, args.max_bounces, args.seed)}

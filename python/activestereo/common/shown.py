@@ -53,6 +53,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def two_digits(value: float) -> str:
+    """Formats a number with two digits that count, without an exponent below a million: 0.86, 120, 5400."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def without_unit(name: str, unit: str) -> str:
     """Returns a parameter's name without its unit: focus for focus_m in m, nearness for nearness_per_m in 1/m."""
     return name.removesuffix("_" + unit.replace("1/", "per ").replace(" ", "_"))
@@ -94,7 +99,7 @@ def unknown(what: str, name: object, known: Iterable[str]) -> str:
 def unknown_effect(name: object, known: Iterable[str]) -> str:
     """Returns unknown()'s message of an effect, with where effects are listed and the option that adds one's own."""
     listing = "'activestereo effect list' has the built-in ones, --effects FILE (in Python effects=) adds yours"
-    return f"unknown effect '{str(name)[:_MOST_LETTERS]}'{did_you_mean(name, known)}: {listing}"
+    return f"unknown effect '{str(name)[:_MOST_LETTERS]}': {listing}{did_you_mean(name, known)}"
 
 
 def require_known(what: str, names: Iterable[object], known: Collection[str]) -> None:

@@ -188,6 +188,6 @@ def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
     every = np.concatenate(ratios)
     ratio = float(np.median(every)) if every.size and not match.has_wrong_geometry else 1.0
     if not 1.0 / _OTHER_UNIT < ratio < _OTHER_UNIT:
-        told = f"the device's depth is {ratio:.3g} times the scene's in the median"
+        told = f"the device's depth is {ratio:.4g} times the scene's in the median"
         said.append(f"{told}: correct depth_scale, the metres per unit of its images")
     return said

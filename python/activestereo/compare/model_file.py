@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,6 +16,7 @@ from activestereo.effects.core.surfaces import surface_names
 from activestereo.model import Quantity, SensorModel
 from activestereo.model import read_model as read_sensor_model
 from activestereo.model import write_model as write_sensor_model
+from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import with_surfaces
 
 FORMAT = "active-stereo-model"
@@ -64,11 +67,33 @@ def model_json(model: Model, nuisances: Nuisances | None = None) -> dict[str, An
     return {"format": FORMAT, "version": 1, "effects": effects, "nuisances": vars(nuisances) if nuisances else {}}
 
 
-def write_model(path: str | Path, model: Model, scene_path: str | Path | None = None) -> None:
-    """Writes a model file with the model's effects alone. scene_path: the scene whose surfaces it names."""
-    names, out = surface_names(scene_path), SensorModel()
+def compared_under(model: SensorModel, capture_path: str | Path) -> dict[str, Any]:
+    """Returns compare()'s arguments for a sensor model: its effects on the capture's surfaces, its calibration, and its
+    scene measurement."""
+    names = surface_names(scene_of(capture_path))
+    return {
+        "model": model.bound(names),
+        "calibrate": lambda capture: calibrated(capture, model),
+        "scene_measurement": model.scene_measurement(names),
+    }
+
+
+def with_effects_of(base: SensorModel, model: Model, scene_path: str | Path | None) -> SensorModel:
+    """Returns `base` with the effects of `model` in place of its own; an effect of equal values keeps its intervals.
+    scene_path: the scene whose surfaces it names."""
+    names, out = surface_names(scene_path), replace(base, effects=())
     for effect, values in model.effects:
         units = {p.name: p.unit for p in effect.parameters}
         plain, surfaces = with_surfaces(effect, values, names)
-        out = out.with_effect(effect, {n: Quantity(v, unit=units[n]) for n, v in plain.items()}, surfaces)
-    write_sensor_model(path, out)
+        known: Mapping[str, Quantity] = next((e.parameters for e in base.effects if e.effect.id == effect.id), {})
+        quantities = {
+            name: known[name] if name in known and known[name].value == value else Quantity(value, unit=units[name])
+            for name, value in plain.items()
+        }
+        out = out.with_effect(effect, quantities, surfaces)
+    return out
+
+
+def write_model(path: str | Path, model: Model, scene_path: str | Path | None = None) -> None:
+    """Writes a model file with the model's effects alone. scene_path: the scene whose surfaces it names."""
+    write_sensor_model(path, with_effects_of(SensorModel(), model, scene_path))

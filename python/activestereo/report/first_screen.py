@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES, Frame
 from activestereo.common.html_table import text
+from activestereo.common.shown import two_digits
 from activestereo.diagnose.words import (
     error_text,
     errors_of,
@@ -128,7 +129,7 @@ def _pictures(comparison: Comparison, images: ModelImages, told: ToldErrors) -> 
     for name, rest in residuals.items():
         grey = ", grey: not compared" if np.isnan(rest).any() else ""
         error = told[name][key] if name in told else rmse(rest)
-        note = f"{error:.2f} DN here, colours ±{limit:.2g} DN{grey}"
+        note = f"{error:.2f} DN here, colours ±{two_digits(limit)} DN{grey}"
         cells.append(_cell(_signed(rest, limit), _RESIDUALS[name], note))
     return cells
 
@@ -143,7 +144,7 @@ def _view_pictures(before: Unseen, after: Unseen) -> list[str]:
     cells = [_cell(_gray(measured, high), "measured", f"view {before.frame}, left camera, white {high:.0f} DN")]
     cells += [_cell(_gray(view.expected, high), _MODELS[name], notes[name]) for name, view in views.items()]
     for name, view in views.items():
-        note = f"this view {view.rmse_dn:.2f} DN, colours ±{limit:.2g} DN"
+        note = f"this view {view.rmse_dn:.2f} DN, colours ±{two_digits(limit)} DN"
         cells.append(_cell(_signed(residuals[name], limit), _RESIDUALS[name], note))
     if FOUND in views:
         drawn = chart(falloff_chart({_MODELS[name]: (views[name].off_axis, residuals[name]) for name in views}),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.common.html_table import text
 from activestereo.common.palette import INK, MUTED
+from activestereo.common.shown import two_digits
 from activestereo.compare.effect_trials import StripView
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
@@ -125,7 +126,7 @@ def strip_section(strips: Sequence[EffectStrip], title: str, middle_words: str) 
         "last": str(len(strips) - 1),
         "typical": str(len(strips) // 2),
         "scale": text(f"0 to {high:.3g} {middle.unit}"),
-        "signed": text(f"\u00b1{limit:.2g} {shown_change(middle)[1]}"),
+        "signed": text(f"\u00b1{two_digits(limit)} {shown_change(middle)[1]}"),
         # A "<" would end the script element early.
         "strengths": json.dumps(strengths).replace("<", "\\u003c"),
     }

@@ -15,7 +15,7 @@ from activestereo.common.accuracy import accuracy_by_material, accuracy_table
 from activestereo.common.output_files import replace_file, write_depth_png, write_ply, write_png, write_text
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar, duration
-from activestereo.common.shown import PlainStream, printable, unknown
+from activestereo.common.shown import PlainStream, printable, two_digits, unknown
 from activestereo.report.pictures import simulation_figure
 from PIL import Image
 
@@ -256,3 +256,7 @@ def test_the_bar_names_the_phase_and_its_number():
     for fraction in (0.5, 1.0, 0.01, 0.5, 1.0):  # a second pass does not begin it again
         phases(fraction)
     assert told == sorted(told)
+
+
+def test_numbers_have_two_digits_and_no_exponent():
+    assert [two_digits(x) for x in (0.8571, 99.6, 121.4, 5380.0)] == ["0.86", "100", "120", "5400"]

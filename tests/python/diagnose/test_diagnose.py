@@ -26,6 +26,9 @@ from activestereo.effects import Model, Parameter, Randomness, Stage, builtin, e
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Unjudged
 from activestereo.effects.core.load import load_effects
 from activestereo.lab import Lab
+from activestereo.model import Pattern, SensorModel
+from activestereo.model import read_model as read_sensor_model
+from activestereo.model import write_model as write_sensor_model
 from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
 from activestereo.report.write import write_diagnosis, write_diagnosis_report
 from lab_worlds import BLACK_DN, WorldRenderer, altered, with_device_depth
@@ -236,6 +239,23 @@ def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world,
     lab.diagnose()
     lab.add("vignetting")
     assert lab.compare().scores["ir"]["test"]["rmse_dn"] < 0.85 * before
+
+
+def test_a_lab_keeps_what_a_model_file_says_beside_its_effects(lab_world, lab_cache, tmp_path):
+    write_gray(tmp_path / "black.png", np.eye(320, dtype=np.uint8) * 255)
+    projector = read_capture(lab_world.capture_path).rig.projector
+    stated = SensorModel(pattern=Pattern(projector.K, file=tmp_path / "black.png"), source="a wall")
+    write_sensor_model(tmp_path / "model.json", stated)
+    lab = lab_of(lab_world.capture_path, lab_world, lab_cache, tmp_path / "model.json")
+    assert lab.compare().capture.rig.projector.pattern().shape == (320, 320)
+    assert repr(lab.add("vignetting", exponent=1.0)) == "Model: vignetting(exponent=1)"
+    lab.report(tmp_path / "out")
+    again = read_sensor_model(tmp_path / "out/model.json")
+    assert (
+        again.pattern is not None
+        and again.source == "a wall"
+        and [e.effect.id for e in again.effects] == ["vignetting"]
+    )
 
 
 @effect("mine_idle", stage=Stage.READOUT, family="mine", source="a test",

@@ -34,6 +34,10 @@ class Model:
 
     effects: tuple[tuple[Effect, dict[str, float]], ...] = ()
 
+    def __repr__(self) -> str:  # a notebook shows it after Lab.add()
+        said = (f"{e.id}({', '.join(f'{n}={v:.4g}' for n, v in values.items())})" for e, values in self.effects)
+        return f"Model: {', '.join(said) or 'no effects'}"
+
     def with_effect(self, effect: Effect, **parameters: float) -> Model:
         """Returns a model with one more effect, or with new parameters of an effect that it has."""
         kept = tuple((e, p) for e, p in self.effects if e.id != effect.id)
