@@ -19,7 +19,7 @@ OTHERS = {
     ("cli/__init__.py", "os.open(os.devnull, os.O_WRONLY)"): "the null device",
     ("cli/depth.py", "np.save(file, depth.astype(np.float32))"): "replace_file()'s",
     ("cli/depth.py", "np.save(file, np.maximum(disparity, 0.0).astype(np.float32))"): "replace_file()'s",
-    ("compare/cache.py", "np.savez(file, **arrays)"): "replace_file()'s",
+    ("compare/cache.py", "np.savez(content, **arrays)"): "in memory",
     ("effects/engines/loaded_scene.py", "Path('/proc/self/maps').read_text(encoding='utf-8')"): "the kernel's",
     ("effects/engines/loaded_scene.py", "Path(path).read_bytes()"): "the loaded libraries",
     ("diagnose/kept.py", "path.read_bytes()"): "the package's sources",

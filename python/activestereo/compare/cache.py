@@ -5,6 +5,7 @@ arrays, so a second run on a capture renders nothing.
 A file is complete or absent (written under another name, then renamed), so parallel runs may share one folder.
 """
 
+import io
 import os
 import warnings
 from collections.abc import Mapping
@@ -97,9 +98,12 @@ class LayerCache:
         CacheWarning."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            replace_file(self.folder / f"{key}.npz", lambda file: np.savez(file, **arrays))
+            content = io.BytesIO()  # on a full disk, NumPy would leave an archive that Python cannot close
+            np.savez(content, **arrays)
+            replace_file(self.folder / f"{key}.npz", lambda file: file.write(content.getbuffer()))
         except OSError as error:
-            text = f"renders are not kept for a second look: {error}; ACTIVESTEREO_CACHE names another folder"
+            reason = f"{self.folder}: {error.strerror}"
+            text = f"renders are not kept for a second look: {reason}; ACTIVESTEREO_CACHE names another folder"
             warnings.warn(text, CacheWarning, stacklevel=2)
             return
         used = 0

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cache of renders: what was put is got, and a folder that cannot be written or read harms nobody."""
 
+import gc
 import json
 import os
+import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -78,16 +82,18 @@ def test_a_folder_that_cannot_be_made_is_one_warning(tmp_path: Path) -> None:
     assert cache.get_arrays("key") is None
 
 
-def test_a_full_disk_is_one_warning_that_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def save(file: object, **arrays: np.ndarray) -> None:
-        with open("/dev/full", "wb", buffering=0) as full:
-            full.write(b"x")
+def test_a_full_disk_is_one_warning_that_names_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def replace(path: Path, write: Callable[[BinaryIO], object]) -> None:
+        with open("/dev/full", "wb") as full:
+            write(full)
 
-    cache = LayerCache(tmp_path)
-    monkeypatch.setattr(np, "savez", save)
-    with pytest.warns(CacheWarning, match=r"No space left on device: .*key\.npz"):
-        cache.put_arrays("key", ARRAYS)
-    assert list(tmp_path.iterdir()) == []
+    unraisable: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
+    monkeypatch.setattr("activestereo.compare.cache.replace_file", replace)
+    with pytest.warns(CacheWarning, match=f"{tmp_path}: No space left on device; ACTIVESTEREO_CACHE"):
+        LayerCache(tmp_path).put_arrays("key", ARRAYS)
+    gc.collect()
+    assert list(tmp_path.iterdir()) == [] and not unraisable
 
 
 def test_a_read_only_folder_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
