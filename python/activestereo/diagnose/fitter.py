@@ -32,6 +32,8 @@ _PRIOR_RANGES = 3.0
 _HELD = 1e-3
 # Levenberg's damping: its start, its growth and fall, and where a fit gives up.
 _DAMPING, _DAMPING_STEP, _LEAST_RAISED, _MOST_DAMPING = 1e-3, 10.0, 1e-2, 10.0
+# Amplitudes of the rig's correction: two focal lengths, and six of the projector's pose.
+RIG_AMPLITUDES = len(SIDES) + TWIST
 # Solutions whose images are remembered.
 _REMEMBERED = 3
 
@@ -310,7 +312,7 @@ class Fitter:
         """Returns the sum of squared distances of focal lengths and projector pose from their prior means, in stated
         deviations."""
         of_rig = np.delete(self.sigmas(solution.phi), np.s_[len(SIDES) : len(SIDES) + self.materials])
-        return float((of_rig[: len(SIDES) + TWIST] ** 2).sum() / self.nuisance_prior.weighed_up)
+        return float((of_rig[:RIG_AMPLITUDES] ** 2).sum() / self.nuisance_prior.weighed_up)
 
     def albedo_sigmas(self, solution: Solution, stated: float, farthest: int = 1) -> float:
         """Returns the distance of an albedo from the scene's, in stated deviations: of the farthest one, or with

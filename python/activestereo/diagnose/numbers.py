@@ -19,7 +19,8 @@ class Numbers:
 
     # fmt: off
     # Thresholds for naming an effect.
-    alpha: float = _number(0.01, "1", "probability of a name by chance, among all shapes of all effects")
+    alpha: float = _number(0.01, "1", "probability of a name by chance among all shapes of all effects, and of "
+        "the rig's correction beside geometry's names")
     least_share: float = _number(0.05, "1", "least share of the squared error above the noise that a name removes")
     least_excess: float = _number(0.007, "noise variances", "least fall of the mean square by a name: more "
         "than all but one of 333 captures that hide nothing; half of it where the residual has no structure")

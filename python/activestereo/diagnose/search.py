@@ -17,7 +17,7 @@ from activestereo.diagnose.credible_set import members_of, parted
 from activestereo.diagnose.dictionary import Atom, Dictionary, carried, columns_of, first_dictionary, numbered
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
-from activestereo.diagnose.fitter import Fitter, ImageResidual, ParameterSpace, Solution
+from activestereo.diagnose.fitter import RIG_AMPLITUDES, Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.goodness import design_effect, local_structure, mean_square
 from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
@@ -46,7 +46,7 @@ from activestereo.diagnose.selection import (
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage
-from activestereo.effects.core.descriptor import Channel
+from activestereo.effects.core.descriptor import GEOMETRY_FAMILIES, Channel
 
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score. If no fit gains _VAIN times
 # its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
@@ -145,14 +145,19 @@ class Search:
         return terms, unjudged
 
     def _strain(self) -> float:
-        """Returns the largest change of a pose, focal length or albedo by the named effects, in stated deviations. It
-        is 0 if air or surface effects are named, because they change the meaning of an albedo. If no effect is named,
-        it is the second largest deviation of an albedo, since one albedo may be measured wrong."""
+        """Returns the largest change of a pose, focal length or albedo by the named effects, in stated deviations.
+        Air and surface effects change the meaning of an albedo. Beside an effect of geometry the rig's whole correction
+        counts: together they may imitate an unknown motion of the pattern. If no effect is named, it is the second
+        largest deviation of an albedo, since one albedo may be measured wrong."""
+        numbers, fitter, of_rig = self._numbers, self._fitter, 0.0
         if not self._names:
-            return self._fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
+            return fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
+        if any(n.effect.family in GEOMETRY_FAMILIES for n in self._names):
+            by_chance = float(chdtri(RIG_AMPLITUDES, numbers.alpha))
+            of_rig = numbers.strain * fitter.rig_penalty(self._solution) / by_chance
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
-            return 0.0
-        return self._fitter.prior_sigmas(self._solution, self._first)
+            return of_rig
+        return max(of_rig, fitter.prior_sigmas(self._solution, self._first))
 
     def _use_evidence(self, evidence: Evidence) -> None:
         """Replaces the evidence and makes new fitters: _whole of all train pixels, _fitter of a random part of them,
@@ -340,8 +345,8 @@ class Search:
             return True
         if fit.solution.effects[-1].family in {n.effect.family for n in self._names}:
             return False
-        least = [missed_share(n.effect, True, self._numbers.formula_error) for n in self._names]
-        own = [x if n.field else min(x, formula_error(n.effect, x)) for x, n in zip(least, self._names, strict=True)]
+        usual = self._numbers.formula_error
+        own = [usual if n.field else min(usual, formula_error(n.effect, usual)) for n in self._names]
         beyond = gain_beyond(linear, fit.solution) * self._pixels / len(linear.residual)
         return beyond > max(self._floor(), self._missed(own))
 
@@ -420,7 +425,7 @@ class Search:
         images then need a far smaller correction and leave no more structure. A search of the geometry takes a smaller
         pattern, for example, for other focal lengths; beside a wrong effect it finds a wrongly measured rig again."""
         prior = self._fitter.rig_penalty(self._solution)
-        by_chance = float(chdtri(1, self._numbers.alpha / len(self._effects)))
+        by_chance = float(chdtri(1, self._numbers.alpha / RIG_AMPLITUDES))
         open_atoms = [atom for atom in dictionary.atoms if self._is_open(atom.effect)]
         if prior < by_chance or self._evidence.geometry.is_as_stated() or self._is_full() or not open_atoms:
             return False

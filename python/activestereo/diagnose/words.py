@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from activestereo.common.html_table import table, text
 from activestereo.common.shown import listed
+from activestereo.diagnose.numbers import NUMBERS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,8 +156,10 @@ def next_steps(result: Mapping[str, Any], all_open: bool = False) -> list[str]:
     steps = [
         f"{_left_open(result, advice, all_open)}Measure: {advice['text']}." for advice in result["next_measurement"][:1]
     ]
+    # No name explains all: a rig or an albedo that is improbable may be part of what is missing.
+    least = NUMBERS.strain if result["verdict"] == "unknown" else IMPOSSIBLE_SIGMAS
     for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
-        if any(entry.get("stated_sigmas", 0.0) > IMPOSSIBLE_SIGMAS for entry in result.get(kind, [])):
+        if any(entry.get("stated_sigmas", 0.0) > least for entry in result.get(kind, [])):
             steps.append(f'{again} again, or state a larger "uncertainty" in capture.json.')
     if result["verdict"] == "effect":
         families = {entry["effect"]: entry["family"] for entry in result["ranking"]}

@@ -467,6 +467,13 @@ def test_a_stated_albedo_that_is_impossible_for_what_is_seen_is_told(dimmer, sta
     assert any(step.startswith("Measure the albedos again, or state a larger") for step in steps) == impossible
 
 
+@pytest.mark.parametrize("verdict, sigmas, again", [("unknown", 5, True), ("effect", 5, False), ("effect", 11, True)])
+def test_an_improbable_rig_is_to_be_calibrated_again(verdict, sigmas, again):
+    entry = {"what": "projector", "text": "t", "stated_sigmas": float(sigmas)}
+    steps = next_steps(DIAGNOSIS | {"verdict": verdict, "geometry": [entry]})
+    assert any(step.startswith("Calibrate the rig again") for step in steps) == again
+
+
 def test_no_material_of_a_found_model_reflects_less_than_nothing(dimmer):
     evidence, fitter, solution = dimmer
     phi = solution.phi.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An effect that a search of the geometry took for another rig: which one it is, and when it gets the name."""
+"""Effects and the rig's correction share out one change: which effect gets its name, and when no name is sure."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ EFFECTS = builtin()
 
 @pytest.mark.parametrize(
     ("spared", "left", "gain", "named"),
-    [(30.0, 1.0, 9.0, True), (5.0, 0.9, 9.0, False), (30.0, 1.1, 9.0, False), (30.0, 1.0, 5.0, False)],
+    [(12.0, 1.0, 9.0, True), (9.0, 0.9, 9.0, False), (30.0, 1.1, 9.0, False), (30.0, 1.0, 5.0, False)],
 )
 def test_an_effect_takes_the_place_of_a_rigs_correction_only_where_the_images_need_none_beside_it(
     monkeypatch, spared, left, gain, named
@@ -64,6 +64,23 @@ def test_the_effect_most_like_a_rigs_correction_has_the_size_of_its_image_change
     columns = np.stack([rng.standard_normal(400), correction / 4.0]).astype(np.float32)
     effect, values = most_like_rig(linear, atoms, columns)
     assert effect is drift and values["scale"] == pytest.approx(0.004, rel=1e-3) and values["per_k"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("names", "penalty", "strain"),
+    [
+        (["imager_tilt"], 98.7, 19.7),  # a sheared pattern: the search finds another rig and a tilted imager
+        (["subsurface", "pattern_scale_drift"], 98.7, 19.7),
+        (["imager_tilt"], 15.4, 3.1),
+        (["response_gamma"], 98.7, 1.5),
+        (["subsurface"], 98.7, 0.0),
+    ],
+)
+def test_a_name_of_geometry_beside_an_improbable_rig_is_not_sure(names, penalty, strain):
+    fitter = SimpleNamespace(rig_penalty=lambda _: penalty, prior_sigmas=lambda *_: 1.5)
+    named = [SimpleNamespace(effect=EFFECTS[id]) for id in names]
+    search = SimpleNamespace(_names=named, _numbers=NUMBERS, _fitter=fitter, _solution=None, _first=None)
+    assert Search._strain(search) == pytest.approx(strain, abs=0.05)
 
 
 def test_a_rigs_penalty_counts_focal_lengths_and_the_projector_and_neither_albedos_nor_views():

@@ -19,7 +19,9 @@ from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.linear import linearised
 from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.outcome import Name
 from activestereo.diagnose.refit import fitted_to_renders, missed_share, refit_at_peaks, refit_free_curve
+from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from activestereo.effects.core.view import Layers
@@ -306,3 +308,17 @@ def test_what_is_no_curve_of_values_keeps_its_fit(curved, effect):
 def test_renders_of_materials_miss_more_than_those_of_lamps(name, is_exact, share):
     assert missed_share(builtin()[name], is_exact, 0.035) == pytest.approx(share)
     assert missed_share(builtin()["lens_psf"], False, 0.035) >= 0.07
+
+
+@pytest.mark.parametrize(("id", "beyond", "is_another"), [
+    ("flicker_banding", 0.18, True), ("flicker_banding", 0.06, False), ("specular", 0.18, False),
+])  # fmt: skip
+def test_a_material_may_miss_less_in_what_it_cannot_look_like(monkeypatch, id, beyond, is_another):
+    """Beside a material that gained 2.7, a further name of .18 is less than real materials may differ from the
+    library's, and more than renders of the material differ beyond its looks."""
+    monkeypatch.setattr("activestereo.diagnose.search.gain_beyond", lambda *_: beyond)
+    named = Name(builtin()["subsurface"], {}, 2.7, 0.14)
+    search = SimpleNamespace(_chi2=5.0, _pixels=1, _names=[named], _numbers=NUMBERS, _floor=lambda: 0.007)
+    search._missed = partial(Search._missed, search)
+    fit = SimpleNamespace(chi2=5.0 - 0.18, solution=SimpleNamespace(effects=(builtin()[id],)))
+    assert Search._is_another(search, SimpleNamespace(residual=[0.0]), fit) == is_another

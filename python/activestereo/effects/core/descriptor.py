@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from activestereo.effects.core.light import Light
     from activestereo.effects.core.view import View
 
+# Families of effects that move points of the images.
+GEOMETRY_FAMILIES = ("camera geometry", "pattern geometry")
+
 
 class Channel(Enum):
     """The data on which the lab judges an effect: expected images, random fields that frames share, noise, or depth."""
