@@ -19,6 +19,7 @@ from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import block_means, image_size, read_color, read_gray
 from activestereo.common import limits
 from activestereo.common.computed_once import computed_once
+from activestereo.common.input_files import read_json_object
 from activestereo.common.lens import is_distorting
 from activestereo.common.output_files import flat
 from activestereo.common.parameter import MATCHER
@@ -220,6 +221,12 @@ class Capture:
         if not self.split("train"):
             text = "is 'test' in all frames: say 'train' in those that a model is fitted to"
             raise CaptureError(f"{self.path / 'capture.json'}: frames: split: {text}")
+
+    def check_scene(self) -> None:
+        """Raises CaptureError if the scene is empty, as `import` without --scene writes it."""
+        if self.scene_path.suffix.lower() == ".gltf" and not read_json_object(self.scene_path).get("meshes"):
+            made = "'activestereo calibrate world' or 'calibrate scene' make one of measured depth"
+            raise CaptureError(f"{self.scene_path}: the scene is empty: import --scene FILE takes yours; {made}")
 
     def ir(self, frame: Frame, side: str) -> np.ndarray:
         """Reads a frame's 'left' or 'right' infrared image, float32 [height, width], DN; averaged if the capture is

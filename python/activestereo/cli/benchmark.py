@@ -9,6 +9,7 @@ from pathlib import Path
 from activestereo.cli import arguments as cli
 from activestereo.common.input_files import read_json
 from activestereo.common.progress_bar import ProgressBar
+from activestereo.common.shown import counted
 from activestereo.report.screen import Figure, command, screen
 
 _MOST_BARS = 6
@@ -101,4 +102,6 @@ def _run_realism(args: argparse.Namespace) -> None:
     sentence, *notes = verdicts(found)
     first = args.captures[0][0]
     step = command("diagnose", first, *cli.carried(args, "device"), "-o", args.out / first.name)
-    print(screen(f"{len(found.views)} views, {sentence}.", figures, notes, [step], args.out / "realism.html"))
+    print(
+        screen(f"{counted(len(found.views), 'view')}, {sentence}.", figures, notes, [step], args.out / "realism.html")
+    )

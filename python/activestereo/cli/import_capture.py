@@ -85,7 +85,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
     add(
         "--exposure", default=[0.008], metavar="S", help=text,
-        type=lambda given: [cli.positive(each) for each in given.split(",")],
+        type=lambda given: [cli.exposure(each) for each in given.split(",")],
     )  # fmt: skip
     cli.add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
     cli.add_shared(parser, verbose="all that was assumed and left out")

@@ -123,7 +123,7 @@ def _add_light(group: argparse._ArgumentGroup) -> None:
     text = "the laser's setting (default: the sensor's; 0 = off)"
     group.add_argument("--laser-power", type=cli.positive, metavar="MW", help=text)
     text = "exposure of the infrared cameras, seconds: fixed, at gain 1 (default: the sensor's own, often automatic)"
-    group.add_argument("--ir-exposure", type=cli.positive, metavar="S", help=text)
+    group.add_argument("--ir-exposure", type=cli.exposure, metavar="S", help=text)
     group.add_argument("--no-noise", action="store_true", help="infrared images without imager noise")
 
 

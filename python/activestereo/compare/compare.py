@@ -94,6 +94,7 @@ def compare(
     """
     capture = read_capture(capture_path)
     capture.check_train()
+    capture.check_scene()
     if calibrate is not None:
         capture = calibrate(capture)
     if renderer is None:

@@ -177,6 +177,7 @@ def diagnose(
         return _undetermined(reason, _effects_of(model, scene_of(capture_path)))
     whole = read_capture(capture_path)
     whole.check_train()
+    whole.check_scene()
     if is_measured_room(whole):
         from activestereo.diagnose.room.diagnosed import diagnosed_room  # half of all imports' time
 

@@ -6,10 +6,12 @@ import pytest
 from scipy.ndimage import gaussian_filter, shift, uniform_filter
 
 from activestereo.capture.capture import read_capture
+from activestereo.capture.capture_json import CaptureError
 from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.importers.realsense_text import read_device_text
 from activestereo.capture.importers.frames import pose_at, read_trajectory
+from activestereo.compare.compare import compare
 from camera_dumps import ENUMERATED, write_pairs
 from command_line import led_on, refused, run_here
 
@@ -45,6 +47,8 @@ def test_a_recording_becomes_a_capture(recording):
     assert capture.frames[2].depth_scale == 0.001
     assert np.allclose(capture.depth(capture.frames[2]), read_gray(files[2]) * 0.001)
     assert np.array_equal(capture.ir(capture.frames[1], "right"), read_gray(sorted(recording.glob("*Infrared 2*"))[1]))
+    with pytest.raises(CaptureError, match="scene.gltf: the scene is empty: import --scene FILE"):
+        compare(capture.path)
 
 
 @pytest.mark.parametrize("kinds", [("laser",), ("laser", "own")])
@@ -138,6 +142,8 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
         return line
 
     assert "has 2 times for 3 frames: give one, or each" in said("--exposure", "0.01,0.02")
+    for times, words in (("8.5", "milliseconds? Then give 0.0085"), ("0.01,33000", "microseconds? Then give 0.033")):
+        assert words in run_here(capsys, *_arguments(recording, "--exposure", times)).stderr
     text = tmp_path / "d435.txt"
     for wrong, words in (
         (ENUMERATED.replace("Vector: -0.04", "Vector: 0.04"), "x is 0.0499586 m, expected below 0: left and right are"),
