@@ -51,6 +51,7 @@ def first_screen(
     no pictures if there are neither `unseen` nor both comparison and images.
     """
     parts = [f"<h1>{text(headline(diagnosis))}</h1>", f'<p class="muted">{_errors(diagnosis)}</p>']
+    parts += [f"<p>Warning: {text(warning)}.</p>" for warning in diagnosis.get("warnings", [])]
     cells = [] if comparison is None or images is None else _pictures(comparison, images, told or {})
     if unseen is not None:
         cells = _view_pictures(*unseen)

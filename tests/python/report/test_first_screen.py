@@ -168,6 +168,7 @@ def test_a_sentence_for_each_verdict():
 def test_what_is_wrong_with_the_recording_is_the_first_note():
     told = _screen(_result(warnings=["frame 2: it is white"], own={"mine": "it ranks last"}), verbose=True)
     assert 0 < told.index("Warning: frame 2: it is white.") < told.index("mine: it ranks last")
+    assert "Warning: frame 2: it is white." in first_screen(_result(warnings=["frame 2: it is white"]))
 
 
 def test_an_effect_has_one_share_and_no_words_contradict_it():
