@@ -3,6 +3,7 @@
 
 import argparse
 import ctypes as c
+import errno
 import os
 import platform
 import random
@@ -111,6 +112,17 @@ def test_toml_that_nests_without_end_is_refused(text, tmp_path):
     (tmp_path / "a.toml").write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError, match="a.toml: (its brackets|a key has|is no TOML)"):
         read_toml(tmp_path / "a.toml")
+
+
+def test_a_read_only_disk_is_told_with_the_files_own_name(tmp_path, monkeypatch):
+    def refuse(path, *rest, **more):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr("activestereo.common.output_files.open", refuse, raising=False)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with pytest.raises(OSError) as caught:
+        write_text(tmp_path / "model.json", "{}")
+    assert caught.value.filename == str(tmp_path / "model.json")
 
 
 def test_a_new_folder_is_whole_or_not_there(tmp_path):
