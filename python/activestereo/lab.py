@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.compare.compare import Comparison, compare
-from activestereo.compare.model_file import compared_under, find, library, read_model, scene_of, with_effects_of
 from activestereo.diagnose import Diagnosis, diagnose
 from activestereo.effects.core.model import Model
 from activestereo.model import SensorModel, write_model
 from activestereo.model import read_model as read_sensor_model
+from activestereo.model.library import compared_under, find, library, read_model, scene_of, with_effects_of
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
 _SETTINGS = ("renderer", "samples_per_pixel", "max_bounces", "seed", "cache", "progress")

@@ -54,8 +54,8 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
     from activestereo.compare.mismatch import Match
-    from activestereo.compare.model_file import library
     from activestereo.effects.engines import CaptureRenderer
+    from activestereo.model.library import library
     from activestereo.report.summary import comparison_screen, is_near_noise
     from activestereo.report.write import write_report
 
@@ -89,9 +89,9 @@ def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[
 
     In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
     from activestereo.compare.engine_prediction import engines_of
-    from activestereo.compare.model_file import compared_under
     from activestereo.effects.engines.loaded_scene import is_measured_room
     from activestereo.model import read_model
+    from activestereo.model.library import compared_under
 
     parts = compared_under(read_model(args.model, effects), args.capture)
     if is_measured_room(capture):

@@ -84,12 +84,12 @@ def add_parser(commands: cli.Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.engine_prediction import engine_changes, engines_of
-    from activestereo.compare.model_file import library
     from activestereo.diagnose import diagnose
     from activestereo.diagnose.numbers import NUMBERS
     from activestereo.diagnose.settings import PHASES
     from activestereo.effects.engines import CaptureRenderer
     from activestereo.model import read_model
+    from activestereo.model.library import library
 
     cli.make_folder(args.out)
     effects = library(*args.effects)

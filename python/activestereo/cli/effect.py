@@ -168,8 +168,8 @@ def run_check(args: argparse.Namespace) -> None:
 
 def _chosen(names: Sequence[str]) -> list[Effect]:
     """Returns the effects that `names` selects: ids of built-in effects, or files with the user's own."""
-    from activestereo.compare.model_file import find, library
     from activestereo.effects import load_effects
+    from activestereo.model.library import find, library
 
     known = library()
     chosen: list[Effect] = []

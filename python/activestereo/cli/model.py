@@ -74,10 +74,10 @@ def add_parser(commands: cli.Commands) -> None:
 
 
 def run_add(args: argparse.Namespace) -> None:
-    from activestereo.compare.model_file import find, library
     from activestereo.effects.core.surfaces import SURFACES
     from activestereo.model import Quantity, SensorModel, read_model, write_model
     from activestereo.model.diagnosed import found_effect
+    from activestereo.model.library import find, library
     from activestereo.model.words import quantity_text
 
     cli.check_out_file(args.out)
@@ -118,8 +118,8 @@ def run_add(args: argparse.Namespace) -> None:
 
 
 def run_show(args: argparse.Namespace) -> None:
-    from activestereo.compare.model_file import library
     from activestereo.model import model_json, read_model
+    from activestereo.model.library import library
     from activestereo.model.words import show
 
     effects = library(*args.effects)
@@ -132,8 +132,8 @@ def run_show(args: argparse.Namespace) -> None:
 
 
 def run_diff(args: argparse.Namespace) -> None:
-    from activestereo.compare.model_file import library
     from activestereo.model import read_model
+    from activestereo.model.library import library
     from activestereo.model.words import diff, differences
 
     effects = library(*args.effects)
@@ -147,8 +147,8 @@ def run_diff(args: argparse.Namespace) -> None:
 
 def run_export(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.noise_profiles import export
-    from activestereo.compare.model_file import library
     from activestereo.model import read_model
+    from activestereo.model.library import library
 
     model = read_model(args.model, library(*args.effects)) if args.model.endswith(".json") else None
     if model is None and args.sensor is not None:

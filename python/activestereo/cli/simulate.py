@@ -174,8 +174,8 @@ def read_sensor_model(args: argparse.Namespace, effects: dict[str, Effect] | Non
     name; None: loads the built-in ones and those of --effects."""
     if args.model is None:
         return None
-    from activestereo.compare.model_file import library
     from activestereo.model import read_model
+    from activestereo.model.library import library
 
     model = read_model(args.model, effects or library(*args.effects))
     if args.resolution and (model.rig or model.pattern or model.effects):

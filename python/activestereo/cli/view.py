@@ -83,7 +83,7 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
 
 def make_server(args: argparse.Namespace, path: Path) -> Any:
     """Returns the page's server for `path`. Its address is taken already, but it does not answer requests yet."""
-    from activestereo.compare.model_file import library
+    from activestereo.model.library import library
     from activestereo.report.view.library import Library, is_capture, is_scene, pictures_capture
     from activestereo.report.view.routes import Routes
     from activestereo.report.view.server import ViewServer

@@ -23,7 +23,6 @@ from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
 from activestereo.compare.image_errors import ImageErrors
-from activestereo.compare.model_file import find, library, model_json, scene_of
 from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_for_fits, render_halves
 from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
@@ -53,6 +52,7 @@ from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
 from activestereo.effects.engines.loaded_scene import has_room_light, is_measured_room
 from activestereo.model import SensorModel
+from activestereo.model.library import find, library, model_json, scene_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from activestereo.common.processes import forked, return_freed_memory
 from activestereo.compare.measured_image import MeasuredImage
-from activestereo.compare.model_file import library
 from activestereo.compare.nuisances import fit_with_exposures
 from activestereo.diagnose.pixels import LightMemory
 from activestereo.effects import Light, Model, Stage, View
+from activestereo.model.library import library
 from activestereo.report.diagnosis import ROWS
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from activestereo.common.html_table import text
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import write_json, write_text, written_together
 from activestereo.compare.cache import LayerCache
-from activestereo.compare.model_file import library
-from activestereo.compare.model_file import write_model as write_effects
 from activestereo.diagnose.kept import content_key
 from activestereo.model import write_model
+from activestereo.model.library import library
+from activestereo.model.library import write_model as write_effects
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section

@@ -12,7 +12,7 @@ from activestereo.capture.images import write_gray
 from activestereo.cli import main
 from activestereo.common.output_files import left_over, write_text, written_together
 from activestereo.common.phases import Phases
-from activestereo.compare import model_file
+from activestereo.model import library as model_library
 from activestereo.diagnose.fitter import Fitter
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING
 from activestereo.effects import builtin, engines
@@ -152,7 +152,7 @@ def test_going_on_after_ctrl_c_repeats_nothing(tmp_path, monkeypatch, capsys, wo
 
     monkeypatch.setattr(engines, "CaptureRenderer", lambda device: Counted(world, grid=1))
     few = {name: builtin()[name] for name in ("vignetting", "gain_mismatch")}
-    monkeypatch.setattr(model_file, "library", lambda *files: few)
+    monkeypatch.setattr(model_library, "library", lambda *files: few)
     monkeypatch.setenv("ACTIVESTEREO_CACHE", str(tmp_path / "cache"))
     command = ["diagnose", str(world.capture_path), "--no-refine", "--workers", "1", "-o", str(tmp_path / "out")]
 

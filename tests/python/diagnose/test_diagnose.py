@@ -17,7 +17,7 @@ from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
 from activestereo.compare.compare import compare
-from activestereo.compare.model_file import library, read_model, write_model
+from activestereo.model.library import library, read_model, write_model
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS

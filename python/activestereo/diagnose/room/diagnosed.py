@@ -15,7 +15,6 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.light import LightView, black_level, solve_light
 from activestereo.calibrate.world.views import Image, SceneView, blurred, points_of
 from activestereo.capture.capture import Capture
-from activestereo.compare.model_file import model_json
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.room.bands import LEAST_GEOMETRY
 from activestereo.diagnose.room.beside import falloff, falloff_of
@@ -28,6 +27,7 @@ from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.engines.loaded_scene import is_measured_room
 from activestereo.model import SensorModel, diagnosed_model
+from activestereo.model.library import model_json
 
 _FALLOFF = "vignetting"
 _MAINS_HZ = 100.0
