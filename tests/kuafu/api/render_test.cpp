@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendering through the C API: what is refused and why, strides, stage times, several scenes and renderers.
+// Rendering through the C API: what is refused and why, strides, progress and cancelling, stage times, several scenes and renderers.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -126,6 +126,30 @@ TEST_F(RenderApi, writes_only_where_the_strides_say) {
   }
 }
 
+TEST_F(RenderApi, progress_never_falls_ends_at_one_and_cancels) {
+  struct Watch {
+    std::vector<float> fractions;
+    float stop_at = 2;
+  } watch;
+  desc_.samples_per_pixel = 1024;  // several passes
+  desc_.progress_user = &watch;
+  desc_.progress = [](void* user, float fraction) -> int32_t {
+    auto* w = static_cast<Watch*>(user);
+    w->fractions.push_back(fraction);
+    return fraction >= w->stop_at;
+  };
+  ASSERT_EQ(render(), KS_OK) << kuafu_last_error();
+  ASSERT_GT(watch.fractions.size(), 1u);
+  EXPECT_TRUE(std::is_sorted(watch.fractions.begin(), watch.fractions.end()));
+  EXPECT_EQ(watch.fractions.back(), 1.0f);
+  watch.fractions.clear();
+  watch.stop_at = 0.4f;
+  EXPECT_EQ(render(), KS_ERROR_CANCELLED);
+  EXPECT_LT(watch.fractions.back(), 1.0f);
+  watch.stop_at = 2;
+  EXPECT_EQ(render(), KS_OK) << kuafu_last_error();
+}
+
 TEST_F(RenderApi, stage_times_name_the_stages) {
   ASSERT_EQ(render(), KS_OK);
   uint32_t count = 0;
@@ -135,6 +159,16 @@ TEST_F(RenderApi, stage_times_name_the_stages) {
   for (const char* name : {"upload", "acceleration build", "generate", "trace closest", "shade", "accumulate"})
     EXPECT_TRUE(std::ranges::any_of(times, [&](const ks_stage_time& t) { return std::string(t.name) == name && t.milliseconds >= 0; }))
         << name;
+}
+
+TEST_F(RenderApi, rendering_again_copies_nothing) {
+  ASSERT_EQ(render(), KS_OK);
+  uint64_t before = 0, after = 0;
+  ok(kuafu_device_copied_bytes(shared_device(), &before));
+  view_.camera.camera_to_world[3] = 0.1;
+  ASSERT_EQ(render(), KS_OK);
+  ok(kuafu_device_copied_bytes(shared_device(), &after));
+  EXPECT_EQ(before, after);
 }
 
 TEST_F(RenderApi, one_renderer_serves_several_scenes) {
