@@ -63,6 +63,11 @@ def test_a_lawless_effect_is_caught(function, fields, word):
         assert any(word in sentence for sentence in broken_laws(make(function, **fields)))
 
 
+@pytest.mark.parametrize("is_right", [True, False])
+def test_an_effect_of_one_camera_alone_is_lawful(is_right):
+    assert broken_laws(make(lambda s, view, a: s + a * (view.is_right == is_right))) == []
+
+
 def test_wrong_parameters_are_named():
     with pytest.raises(ValueError, match=r"vignetting has no parameter 'strength' \(known: exponent\)"):
         EFFECTS["vignetting"].values({"strength": 1})

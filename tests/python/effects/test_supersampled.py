@@ -20,7 +20,7 @@ from activestereo.common.lens import to_tangents, undistort
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.engines.layers import Sampling
-from activestereo.effects.engines.smooth import Surfaces, smooth_bounced
+from activestereo.effects.engines.smooth import Surfaces, is_matt_surface, smooth_bounced
 
 K = np.array([[60.0, 0, 47.5], [0, 60.0, 35.5], [0, 0, 1]])
 LENS = np.array([-0.12, 0.03, 0.002, -0.001, 0.004])
@@ -99,6 +99,19 @@ def test_a_lens_that_folds_back_is_refused(tmp_path):
     folding = replace(capture, rig=replace(capture.rig, left=lens, right=lens))
     with pytest.raises(CaptureError, match=r"capture.json: rig: .*folds back"):
         render_frames(folding, CaptureRenderer(), 1, 0, cache=LayerCache(tmp_path))
+
+
+@pytest.mark.parametrize(
+    "fields, is_matt",
+    [
+        ({"specular": 0.0, "roughness": 0.0}, True),
+        ({"roughness": 0.1}, False),
+        ({"roughness": 0.5, "clearcoat": 1.0, "clearcoat_roughness": 0.1}, False),
+        ({"roughness": 0.5, "clearcoat": 1.0, "clearcoat_roughness": 0.5}, True),
+    ],
+)
+def test_a_surface_with_a_smooth_lobe_is_not_matt(fields, is_matt):
+    assert is_matt_surface(kuafu.Material(metallic=0.0, **fields)) == is_matt
 
 
 def test_bounced_light_is_smoothed_along_a_surface_and_not_across_materials():

@@ -28,16 +28,19 @@ _SIZE = (72, 96)
 
 def broken_laws(effect: Effect) -> list[str]:
     """Returns one sentence per law that the effect breaks; empty for a lawful effect."""
-    view = example_view()
-    value = example_value(effect.stage, view)
-    try:
-        given = effect(deepcopy(value), view, **effect.typical_values)
-    except Exception as error:  # a user's function may raise anything
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"fails at {Path(last.filename).name}, line {last.lineno}: {type(error).__name__}: {error}"
-        return [f"{effect.id}: {said}"]
-    if _kind(given) != _kind(value):
-        return [f"{effect.id}: returns {_kind(given)}, not {_kind(value)}"]
+    for side in ("right", "left"):  # an effect may be one camera's
+        view = example_view(side)
+        value = example_value(effect.stage, view)
+        try:
+            given = effect(deepcopy(value), view, **effect.typical_values)
+        except Exception as error:  # a user's function may raise anything
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            said = f"fails at {Path(last.filename).name}, line {last.lineno}: {type(error).__name__}: {error}"
+            return [f"{effect.id}: {said}"]
+        if _kind(given) != _kind(value):
+            return [f"{effect.id}: returns {_kind(given)}, not {_kind(value)}"]
+        if not _same(given, value):
+            break
     return [f"{effect.id}: {said}" for said in _broken(effect, value, view)]
 
 
@@ -101,7 +104,7 @@ def _arrays(value: Any) -> np.ndarray:
     return value.images if isinstance(value, Light) else value
 
 
-def _same(a: np.ndarray, b: np.ndarray, tolerance: float = 0.0) -> bool:
+def _same(a: Any, b: Any, tolerance: float = 0.0) -> bool:
     a, b = _arrays(a), _arrays(b)
     return a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance * max(1.0, np.abs(a).max()))
 

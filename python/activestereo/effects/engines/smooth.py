@@ -135,7 +135,9 @@ def is_matt_surface(m: kuafu.Material) -> bool:
     roughness = m.roughness if m.ir_roughness is None else m.ir_roughness
     transmission = m.transmission if m.ir_transmission is None else m.ir_transmission
     plain = m.base_color_texture is None or m.ir_albedo is not None
-    return transmission == 0 and m.metallic == 0 and (roughness > _MATT_ROUGHNESS or m.specular == 0) and plain
+    lobes = ((m.specular, roughness), (m.clearcoat, m.clearcoat_roughness))
+    is_rough = all(weight == 0 or alpha > _MATT_ROUGHNESS for weight, alpha in lobes)
+    return transmission == 0 and m.metallic == 0 and is_rough and plain
 
 
 HALVES = (0, 1)
