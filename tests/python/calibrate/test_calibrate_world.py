@@ -72,7 +72,7 @@ def test_poses_are_those_of_the_tripod(measured):
         assert np.degrees(np.linalg.norm(cv2.Rodrigues(error[:3, :3])[0])) < 0.3  # a turn trades with the centre
     assert capture.measured["poses"]["distance_m"] < 1e-3
     # Differences between views would else be taken for noise, and every model for one at the floor.
-    assert capture.repeats() == {}
+    assert capture.repeats() == []
 
 
 def test_the_projector_stands_where_it_is(measured):
