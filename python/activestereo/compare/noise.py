@@ -26,7 +26,7 @@ from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_
 from scipy.optimize import nnls
 from scipy.special import ndtr
 
-from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey
+from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, repeat_keys
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage, warp_between
 from activestereo.compare.nuisances import regressors
@@ -57,9 +57,11 @@ def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     """Groups (frame, camera, item) by static view and camera; returns the items of each group in order. Frames without
     repeats are left out."""
     groups: dict[tuple[object, str], list[_Item]] = {}
-    for frame, side, item in items:
-        if frame.repeat_key is not None:
-            groups.setdefault((frame.repeat_key, side), []).append(item)
+    every = list(items)
+    keys = repeat_keys(frame for frame, _, _ in every)
+    for frame, side, item in every:
+        if frame.id in keys:
+            groups.setdefault((keys[frame.id], side), []).append(item)
     return list(groups.values())
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, SPLITS, Capture
+from activestereo.capture.capture import SIDES, SPLITS, Capture, repeat_keys
 from activestereo.common.input_files import read_json
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
@@ -151,9 +151,9 @@ def _expected(
     Therefore a prediction that is as good as the noise allows is used alone.
     """
     groups: dict[Hashable, list[MeasuredImage]] = {}
+    keys = repeat_keys(s.frame for s in measured_images)
     for s in measured_images:
-        key = (s.frame.repeat_key, s.side) if s.frame.repeat_key is not None else s.key
-        groups.setdefault(key, []).append(s)
+        groups.setdefault((keys.get(s.frame.id, s.frame.id), s.side), []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
     for group in groups.values():
         images = [predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in group]

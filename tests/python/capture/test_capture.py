@@ -84,6 +84,15 @@ def test_frames_of_another_exposure_or_light_are_no_repeats(folder, key):
     assert [[frame.id for frame in frames] for frames in read_capture(folder).repeats()] == [[2, 3], [4, 5]]
 
 
+def test_exposures_that_jitter_are_repeats(folder):
+    def jitter(root):
+        for frame, share in zip(root["frames"], (1.0, 1.0005, 0.9995, 1.01)):
+            frame |= {"exposure_s": 0.0085 * share, "repeat_group": 7}
+
+    edit(folder, jitter)
+    assert [[frame.id for frame in frames] for frames in read_capture(folder).repeats()] == [[0, 1, 2], [4, 5]]
+
+
 def test_depth_is_scaled_to_metres_and_absent_depth_is_none(folder):
     raw = np.arange(640, dtype=np.uint16).reshape(20, 32)
     write_gray(folder / "depth" / "000000.png", raw)

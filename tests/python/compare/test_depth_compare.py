@@ -74,7 +74,7 @@ def test_without_device_depth_there_are_no_depth_scores(world, layers):
 def test_figures_by_hand():
     """Two pixels valid in both, one in each alone: disparities 10 and 5 px against 10 and 4 px."""
     measured, model = np.array([[1.0, 2.0, 3.0, 0.0]]), np.array([[1.0, 2.5, 0.0, 4.0]])
-    truth, still = np.array([[1.0, 2.0, 3.0, 4.0]]), SimpleNamespace(id=0, split="train", repeat_key=None)
+    truth, still = np.array([[1.0, 2.0, 3.0, 4.0]]), SimpleNamespace(id=0, split="train", repeat_group=None)
     depth = depth_scores([DepthFrame(still, measured, (model, model), truth, 10.0)])["train"]
     assert depth["rmse_m"] == pytest.approx(np.sqrt(0.125)) and depth["bias_m"] == pytest.approx(-0.25)
     assert depth["rmse_px"] == pytest.approx(np.sqrt(0.5)) and depth["median_abs_px"] == pytest.approx(0.5)

@@ -177,7 +177,7 @@ def _shots(change_by_row: list[np.ndarray]) -> dict[tuple[int, str], tuple[Any, 
     rng, light = np.random.default_rng(7), _light()
     shots = {}
     for k, change in enumerate(change_by_row):
-        frame = SimpleNamespace(id=k, repeat_key=0, exposure_gain=1.0, ambient=None, projector_power=1.0)
+        frame = SimpleNamespace(id=k, repeat_group=0, exposure_gain=1.0, ambient=None, projector_power=1.0)
         noise = NOISE_DN * rng.standard_normal((HEIGHT, WIDTH))
         shots[k, "left"] = frame, light, 20.0 * light.ambient + change + noise
     return shots
@@ -208,5 +208,5 @@ def test_noise_of_rows_and_of_pixels_stays() -> None:
 
 def test_frames_that_are_no_repeats_have_no_change() -> None:
     (key, (frame, light, image)), *_ = _shots([np.zeros((HEIGHT, WIDTH))]).items()
-    frame.repeat_key = None
+    frame.repeat_group = None
     assert unsteady_light({key: (frame, light, image)}) == {}
