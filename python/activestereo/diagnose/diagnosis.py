@@ -239,7 +239,7 @@ def diagnose(
     known_before = None if key is None else found_before(kept, key, whole)
     if known_before is not None:  # its images are made from kept renders
         result, complete, stub = known_before
-        tell(_verdict_words(result["verdict"], result["added"]))
+        tell(_verdict_words(result["verdict"], result["added"], False))
         phases.begin(BOTH)
         _, seen = held_out_figures(errors.at_stated_geometry(complete), None, result["added"], complete)
         accepted = complete.bound(surface_names(whole.scene_path))
@@ -382,7 +382,8 @@ def _told(
     model = _effects_of(given, evidence.capture.scene_path)
     verdict = _verdict(outcome, numbers)
     is_found = verdict == EFFECT
-    settings.says(_verdict_words(verdict, [name.id for name in names] if is_found else []))
+    waits = outcome.rest.test_explained is None and bool(evidence.capture.split("test"))
+    settings.says(_verdict_words(verdict, [name.id for name in names] if is_found else [], waits))
     solution = outcome.solution if is_found else outcome.first
     rows = outcome.rows
     if names and not is_found:
@@ -445,9 +446,9 @@ def _told(
     return Diagnosis(result, accepted, stub, complete, *without_light(before, after)), tested
 
 
-def _verdict_words(verdict: str, added: Sequence[str]) -> str:
+def _verdict_words(verdict: str, added: Sequence[str], waits: bool) -> str:
     named = f" ({', '.join(added)})" if added else ""
-    return f"verdict: {verdict}{named}; test frames have to confirm it"
+    return f"verdict: {verdict}{named}{'; test frames have to confirm it' * waits}"
 
 
 def _effects_of(given: Model | SensorModel | None, scene_path: Path | None) -> Model:
