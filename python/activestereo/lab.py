@@ -13,8 +13,7 @@ from activestereo.compare.compare import Comparison, compare
 from activestereo.diagnose import Diagnosis, diagnose
 from activestereo.effects.core.model import Model
 from activestereo.model import SensorModel, write_model
-from activestereo.model import read_model as read_sensor_model
-from activestereo.model.library import compared_under, find, library, read_model, scene_of, with_effects_of
+from activestereo.model.library import compared_under, find, library, read_models, scene_of, with_effects_of
 
 __all__ = ["Comparison", "Diagnosis", "Lab", "compare", "diagnose"]
 _SETTINGS = ("renderer", "samples_per_pixel", "max_bounces", "seed", "cache", "progress")
@@ -39,9 +38,11 @@ class Lab:
             raise TypeError(f"unknown settings: {', '.join(sorted(unknown))}; there are {', '.join(_SETTINGS)}")
         self.capture = capture
         self.effects = library(*effects)
-        self.model = model if isinstance(model, Model) else read_model(model, self.effects, scene_of(capture))
-        # The file's sensor.
-        self._stated = None if model is None or isinstance(model, Model) else read_sensor_model(model, self.effects)
+        self._stated: SensorModel | None = None  # the file's sensor
+        if model is None or isinstance(model, Model):
+            self.model = model or Model()
+        else:
+            self._stated, self.model = read_models(model, self.effects, scene_of(capture))
         self.comparison: Comparison | None = None
         self.diagnosis: Diagnosis | None = None
         self._settings = settings

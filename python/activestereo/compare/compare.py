@@ -8,7 +8,7 @@ compare() computes; report/ writes compare.json and report.html.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -156,7 +156,7 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
         "frames": errors.by_frame(),
     }
     scores |= _where_it_fails(errors, depths, seed)
-    return Comparison(**vars(errors), scores=scores, depths=depths)
+    return Comparison(**{f.name: getattr(errors, f.name) for f in fields(errors)}, scores=scores, depths=depths)
 
 
 def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int) -> dict[str, Any]:

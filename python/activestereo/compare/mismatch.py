@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import SIDES, Frame
+from activestereo.common.computed_once import computed_once
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.common.shown import listed
 from activestereo.compare.image_errors import ImageErrors
@@ -98,6 +99,7 @@ class Match:
         return []
 
 
+@computed_once
 def match_of(errors: ImageErrors) -> Match:
     """Computes the Match from at most three train frames at rest with the projector on."""
     frames = [f for f in errors.capture.split("train") if f.projector_power > 0 and not f.is_moving]

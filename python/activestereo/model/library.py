@@ -38,16 +38,16 @@ def find(effects: dict[str, Effect], effect_id: str) -> Effect:
     return effects[effect_id]
 
 
-def read_model(path: str | Path | None, effects: dict[str, Effect], scene_path: str | Path | None = None) -> Model:
-    """Reads the effects of a model file; None: no effects. scene_path: the scene whose surfaces the file may name.
+def read_models(
+    path: str | Path, effects: dict[str, Effect], scene_path: str | Path | None = None
+) -> tuple[SensorModel, Model]:
+    """Reads a model file; returns all of it, and its effects. scene_path: the scene whose surfaces the file may name.
     Raises ValueError with the fault."""
-    if path is None:
-        return Model()
-    names = surface_names(scene_path)
+    stated, names = read_sensor_model(path, effects), surface_names(scene_path)
     try:
-        return read_sensor_model(path, effects).bound(names)
+        return stated, stated.bound(names)
     except ValueError as error:
-        raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
+        raise ValueError(f"{path}: {error}") from error
 
 
 def scene_of(capture_path: str | Path) -> Path | None:

@@ -20,7 +20,7 @@ from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest
-from activestereo.model.library import read_model
+from activestereo.model import read_model
 from activestereo.compare.nuisances import fit_nuisances, fit_with_exposures
 from activestereo.diagnose.diagnosis import diagnose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD

@@ -13,11 +13,12 @@ import pytest
 import activestereo.lab
 import activestereo.report
 from activestereo.capture.capture import read_capture
+from activestereo.capture.capture_json import JsonObject
 from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
-from activestereo.compare.compare import compare
-from activestereo.model.library import library, read_model, write_model
+from activestereo.compare.compare import compare, comparison_of
+from activestereo.model.library import write_model
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS
@@ -26,8 +27,7 @@ from activestereo.effects import Model, Parameter, Randomness, Stage, builtin, e
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Unjudged
 from activestereo.effects.core.load import load_effects
 from activestereo.lab import Lab
-from activestereo.model import Pattern, SensorModel
-from activestereo.model import read_model as read_sensor_model
+from activestereo.model import Pattern, SensorModel, read_model
 from activestereo.model import write_model as write_sensor_model
 from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
 from activestereo.report.write import write_diagnosis, write_diagnosis_report
@@ -155,15 +155,14 @@ def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path
     paths = write_diagnosis(diagnosis, tmp_path)
     written = json.loads(paths[0].read_text())
     assert violations(written, "diagnose") == []
-    model = read_model(tmp_path / "model.json", library())
-    assert [e.id for e, _ in model.effects] == ["vignetting"]
+    assert [e.effect.id for e in read_model(tmp_path / "model.json").effects] == ["vignetting"]
     assert "vignetting" in diagnosis_table(written)
     path = tmp_path / "own.json"
     write_model(path, Model().with_effect(builtin()["vignetting"], exponent=0.2))
-    assert read_model(path, library()).effects[0][1] == {"exponent": 0.2}
+    assert read_model(path).bound(()).effects[0][1] == {"exponent": 0.2}
     path.write_text("{}")
     with pytest.raises(ValueError, match="format"):
-        read_model(path, library())
+        read_model(path)
 
 
 def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_path, capsys):
@@ -172,7 +171,7 @@ def test_add_command_takes_the_parameters_of_a_diagnosis(hidden_shading, tmp_pat
     out = tmp_path / "model2.json"
     assert main(["add", "vignetting", "--from", str(tmp_path / "diagnose.json"), "-o", str(out)]) == 0
     found = diagnosis.result["ranking"][0]["parameters"]["exponent"]["value"]
-    assert read_model(out, library()).effects[0][1]["exponent"] == pytest.approx(found)
+    assert read_model(out).bound(()).effects[0][1]["exponent"] == pytest.approx(found)
     (tmp_path / "list.json").write_text("[]")
     assert main(["add", "vignetting", "--from", str(tmp_path / "list.json"), "-o", str(out)]) == 2
     assert main(["add", "no_such_effect", "-o", str(out)]) == 2
@@ -195,8 +194,16 @@ def test_without_test_frames_the_figures_are_of_frames_left_out(hidden_shading, 
     root = json.loads((folder / "capture.json").read_text())
     root["frames"] = [frame for frame in root["frames"] if frame.get("split", "train") == "train"]
     (folder / "capture.json").write_text(json.dumps(root))
-    result = diagnosed(folder, lab_world, lab_cache).result
+    words = []
+    result = diagnosed(folder, lab_world, lab_cache, says=words.append).result
     assert result["heldout_ir_rmse_before"] > result["heldout_ir_rmse_after"] > 0.8 * result["heldout_noise_floor"]
+    assert words[-1] == "verdict: effect (vignetting)"
+
+
+def test_the_match_is_computed_once(hidden_shading, monkeypatch):
+    monkeypatch.setattr("activestereo.compare.mismatch.warp_between", lambda *views: pytest.fail("computed again"))
+    _, diagnosis, _ = hidden_shading
+    assert comparison_of(diagnosis.before, diagnosis.made).scores["match"]["frames"]
 
 
 def test_the_answer_is_an_object_to_work_with(hidden_shading):
@@ -241,16 +248,19 @@ def test_a_lab_adds_what_it_found_and_its_error_falls(hidden_shading, lab_world,
     assert lab.compare().scores["ir"]["test"]["rmse_dn"] < 0.85 * before
 
 
-def test_a_lab_keeps_what_a_model_file_says_beside_its_effects(lab_world, lab_cache, tmp_path):
+def test_a_lab_keeps_what_a_model_file_says_beside_its_effects(lab_world, lab_cache, tmp_path, monkeypatch):
     write_gray(tmp_path / "black.png", np.eye(320, dtype=np.uint8) * 255)
     projector = read_capture(lab_world.capture_path).rig.projector
     stated = SensorModel(pattern=Pattern(projector.K, file=tmp_path / "black.png"), source="a wall")
     write_sensor_model(tmp_path / "model.json", stated)
+    reads, read = [], JsonObject.read
+    monkeypatch.setattr(JsonObject, "read", lambda path, *told: reads.append(Path(path).name) or read(path, *told))
     lab = lab_of(lab_world.capture_path, lab_world, lab_cache, tmp_path / "model.json")
+    assert reads.count("model.json") == 1
     assert lab.compare().capture.rig.projector.pattern().shape == (320, 320)
     assert repr(lab.add("vignetting", exponent=1.0)) == "Model: vignetting(exponent=1)"
     lab.report(tmp_path / "out")
-    again = read_sensor_model(tmp_path / "out/model.json")
+    again = read_model(tmp_path / "out/model.json")
     assert (
         again.pattern is not None
         and again.source == "a wall"
