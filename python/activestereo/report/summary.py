@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from activestereo.common.shown import listed
+from activestereo.effects.core.descriptor import GEOMETRY_FAMILIES
 from activestereo.report.screen import Figure, Step, screen
 
 _KINDS = {
@@ -36,12 +37,12 @@ _FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
         "material": ("surface", "projector blur"), "": ("projector blur", "camera blur", "surface"),
     },
     "place": {
-        "velocity": ("motion",), "time": ("pattern geometry", "camera geometry"),
-        "temperature": ("pattern geometry", "camera geometry"), "": ("camera geometry", "pattern geometry", "motion"),
+        "velocity": ("motion",), "time": GEOMETRY_FAMILIES[::-1],
+        "temperature": GEOMETRY_FAMILIES[::-1], "": (*GEOMETRY_FAMILIES, "motion"),
     },
     "other": {
         "velocity": ("motion",), "material": ("surface",),
-        "": ("camera geometry", "surface", "speckle", "fixed pattern"),
+        "": (GEOMETRY_FAMILIES[0], "surface", "speckle", "fixed pattern"),
     },
 }  # fmt: skip
 # Words for pixels with a covariate below or above a value. Other covariates only follow the image's brightness.
