@@ -152,14 +152,22 @@ def simsense_match_constants_glsl(tables: Tables) -> str:
     return "\n".join([*text, "#endif", ""])
 
 
+def reasons(tables: Tables) -> dict[str, int]:
+    """Returns the reasons of a missing depth: {name: number}, by number."""
+    texts = "".join(header.text for header in tables.headers)
+    found = re.findall(r"#define SIMSENSE_REASON_(\w+) (\d+)u", texts)
+    return dict(sorted(((name.lower(), int(number)) for name, number in found), key=lambda reason: reason[1]))
+
+
 def simsense_choices_h(tables: Tables) -> str:
     """Returns simsense/shaders/shared/public_choices.h: the matcher's choices and the reasons of a missing depth, by
-    number, for GLSL and C++."""
+    number, for GLSL and C++. MATCH_REASONS lists the reasons for an enum."""
     struct = tables.structs["simsense_parameters"]
     numbers = [entry for f in struct.fields for entry in f.constants.items()]
-    texts = "".join(header.text for header in tables.headers)
-    numbers += [(name, int(number)) for name, number in re.findall(r"#define (SIMSENSE_REASON_\w+) (\d+)u", texts)]
     lines = [f"#define {name.removeprefix('SIMSENSE_')} {number}u" for name, number in numbers]
+    known = reasons(tables)
+    lines += [f"#define REASON_{name.upper()} {number}u" for name, number in known.items()]
+    lines += [f"#define MATCH_REASONS {', '.join(f'{name} = {number}' for name, number in known.items())}"]
     guard = "SIMSENSE_PUBLIC_CHOICES_H"
     return "\n".join([banner(struct)[0], f"#ifndef {guard}", f"#define {guard}", *lines, "#endif", ""])
 

@@ -9,9 +9,10 @@ import dataclasses
 import json
 import math
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
-from emit_cpp import OFF, banner, cpp_file
+from emit_cpp import OFF, banner, cpp_file, reasons
 from table import Field, Struct, Tables
 from words import GENERATED, LICENCE, WIDTH, facts, python_words, range_text
 
@@ -128,7 +129,7 @@ def named(struct: Struct) -> Struct:
     )
 
 
-def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
+def _fields_h(name: str, structs: dict[str, Struct], include: str, more: Sequence[str] = ()) -> str:
     text = []
     for variable, s in structs.items():
         text += ["", f"inline const Field<{s.name}> {variable}_fields[] = {{"]
@@ -142,7 +143,7 @@ def _fields_h(name: str, structs: dict[str, Struct], include: str) -> str:
                 text.append(f'    {{"{given}", &{s.name}::{f.name}, Field<{s.name}>::Kind::{kind}, {names}{one}}},')
         text.append("};")
     head = banner(*structs.values(), note=f"{name}: fields by name.")
-    return cpp_file(head, ["once", "", '"bindings/named_fields.h"', f'"{include}"'], text, "ks_python")
+    return cpp_file(head, ["once", "", '"bindings/named_fields.h"', f'"{include}"'], [*text, *more], "ks_python")
 
 
 def options_doc(struct: Struct, width: int) -> list[str]:
@@ -156,9 +157,12 @@ def options_doc(struct: Struct, width: int) -> list[str]:
 
 
 def simsense_fields_h(tables: Tables) -> str:
-    """Returns python/simsense/fields.h: the fields of simsense's structs by name."""
+    """Returns python/simsense/fields.h: simsense's fields by name, and the names of reasons by number."""
     names = {"parameter": "simsense_parameters", "signal": "simsense_signal", "rig": "simsense_rig_desc"}
-    return _fields_h("simsense's structs", {key: tables.structs[name] for key, name in names.items()}, "simsense_api.h")
+    structs = {key: tables.structs[name] for key, name in names.items()}
+    known = ", ".join(f'"{name}"' for name in reasons(tables))
+    more = ["", f"inline constexpr const char* reason_names[] = {{{known}}};"]
+    return _fields_h("simsense's structs", structs, "simsense_api.h", more)
 
 
 def kuafu_options_h(tables: Tables) -> str:

@@ -345,8 +345,7 @@ void bind_lens(py::module_& module) {
 
 void bind_engine(py::module_& module) {
   module.attr("FAULTS") = names_of(rig_fields, "faults");
-  module.attr("REASONS") = py::make_tuple("valid", "not_unique", "outside", "occluded", "isolated", "speckle", "out_of_range",
-                                          "not_computed", "low_texture", "saturated");
+  module.attr("REASONS") = py::tuple(py::cast(std::vector<std::string>(std::begin(reason_names), std::end(reason_names))));
   bind_camera(module);
   bind_lens(module);
   module.def(

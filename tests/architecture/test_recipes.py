@@ -66,6 +66,11 @@ doc = "Speckles may be this much larger than speckle_max_size."
             ("speckle_max_size(p.speckle_max_size)",
              "speckle_max_size(p.speckle_max_size + static_cast<uint32_t>(p.speckle_growth_px))")],
     }),
+    "a reason of a missing depth": ("TOO_FLAT", {
+        f"{TABLES}/headers.toml": [("#define SIMSENSE_REASON_SATURATED", """\
+#define SIMSENSE_REASON_TOO_FLAT 10u
+#define SIMSENSE_REASON_SATURATED""")],
+    }),
     "a function of the C interface": ("kuafu_scene_light_name", {
         "capi/include/kuafu/kuafu.h": [
             ("KUAFU_API ks_status kuafu_scene_add_light(", """\
@@ -163,6 +168,7 @@ def test_nothing_else_written_by_hand_knows_the_additions(copy: Path) -> None:
     made = copy.parent / "generated"
     run(sys.executable, copy / "capi/generation/generate.py", "--build", made)
     assert "emission_boost" in (made / "kuafu/shaders/shared/material_fields.h").read_text()
+    assert '"saturated", "too_flat"}' in (made / "python/simsense/fields.h").read_text()
     assert "kuafu_scene_light_name" in (made / "kuafu/src/api/api_table.cpp").read_text()
     for name, files in ADDITIONS.values():
         known = {str(p.relative_to(copy)) for p, text in before.items() if name.encode() in text}

@@ -34,17 +34,6 @@ enum class HoleFilling : uint8_t {
 };
 
 /// Why a pixel has no measurement. A matcher knows the first five.
-enum class MatchReason : uint8_t {
-  valid = REASON_VALID,
-  not_unique = REASON_NOT_UNIQUE,
-  outside = REASON_OUTSIDE,
-  occluded = REASON_OCCLUDED,
-  isolated = REASON_ISOLATED,
-  speckle = REASON_SPECKLE,
-  out_of_range = REASON_OUT_OF_RANGE,
-  not_computed = REASON_NOT_COMPUTED,
-  low_texture = REASON_LOW_TEXTURE,
-  saturated = REASON_SATURATED,
-};
+enum class MatchReason : uint8_t { MATCH_REASONS };
 
 }  // namespace simsense
