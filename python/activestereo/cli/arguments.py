@@ -364,6 +364,14 @@ def carried(args: argparse.Namespace, *names: str) -> list[Any]:
     return words
 
 
+def refuse(args: argparse.Namespace, names: Sequence[str], what: str) -> None:
+    """Raises CommandError if one of these options is given. what: the inputs that they are for."""
+    for name in names:
+        value = getattr(args, name)
+        if isinstance(value, np.ndarray) or value:
+            raise CommandError(f"--{name.replace('_', '-')} is {what}: leave it out")
+
+
 def print_json(value: Any) -> None:
     """Prints the value as JSON on standard output. NaN and infinities, which JSON cannot hold, become null."""
     print(json.dumps(finite(value), indent=1, allow_nan=False))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,11 +110,11 @@ def add_parser(commands: cli.Commands) -> None:
 def run(args: argparse.Namespace) -> None:
     """Computes an image pair's depth, writes it and prints the result; a recording goes to _run_recording()."""
     if args.right is None:
-        _refuse(args, ("profile", "confidence", "reason"), "for a pair of images, not for a recording")
+        cli.refuse(args, ("profile", "confidence", "reason"), "for a pair of images, not for a recording")
         args.sensor = args.sensor or "d415"
         _run_recording(args)
         return
-    _refuse(args, ("settings", "sensor"), "for recordings, not for a pair of images")
+    cli.refuse(args, ("settings", "sensor"), "for recordings, not for a pair of images")
     args.sensor = "d415"  # its nominal figures are not used
     from activestereo.report.pictures import colored, depth_span, matching_figure
 
@@ -171,13 +171,6 @@ def run(args: argparse.Namespace) -> None:
     leads = [] if cameras.offset_px else [command("pair", args.left, args.right, *rig)]
     details = f"{options.matching_line(engine)}\n{options.stage_table(stages_ms)}"
     print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
-
-
-def _refuse(args: argparse.Namespace, names: Sequence[str], what: str) -> None:
-    """Raises CommandError if one of these options is given. what: the inputs that they are for."""
-    for name in names:
-        if getattr(args, name):
-            raise cli.CommandError(f"--{name} is {what}: leave it out")
 
 
 def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Device:

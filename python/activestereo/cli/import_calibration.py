@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import Camera, Frame
-from activestereo.capture.images import read_gray
+from activestereo.capture.images import image_size, read_gray
 from activestereo.cli import arguments as cli
 from activestereo.common.lens import is_distorting
 
@@ -176,14 +176,15 @@ def unused_images(folder: Path, files: Sequence[FrameFiles]) -> list[Path]:
 
 
 def depth_words(folder: Path, files: Sequence[FrameFiles]) -> list[str]:
-    """Returns the words for --depth that give every frame a depth image, in order of the files' names. For example,
-    img_depth_laser.png gives "laser"."""
+    """Returns the words for --depth that give every frame a 16-bit image of its size, in order of the files' names.
+    For example, img_depth_laser.png gives "laser"."""
     from activestereo.capture.importers.realsense_folder import frame_files
 
     found = []
     names = (file.relative_to(folder).with_suffix("").as_posix() for file in unused_images(folder, files))
     for word in dict.fromkeys(word for name in names for word in re.findall(r"[A-Za-z]{2,}", name)):
         with suppress(ValueError):
-            if all("depth" in entry.files for entry in frame_files(folder, word)):
+            own = [entry.files.get("depth") for entry in frame_files(folder, word)]
+            if own[0] and None not in own and read_gray(own[0], image_size(files[0].files["left"])).dtype == np.uint16:
                 found.append(word)
     return found

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
 _MOST_WORDS = 2
+# Options that recordings without infrared images do not take.
+_OF_INFRARED = (
+    "calibration", "rectified", "k_right", "baseline", "swap", "depth", "poses", "robot", "hand_eye", "exposure",
+)  # fmt: skip
 _WARM_UP_S = 300.0  # repeats that span longer, some with the projector off, count as a warm-up
 
 _TEXT = """\
@@ -84,7 +88,7 @@ def add_parser(commands: cli.Commands) -> None:
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
     text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
     add(
-        "--exposure", default=[0.008], metavar="S", help=text,
+        "--exposure", default=[], metavar="S", help=text,
         type=lambda given: [cli.exposure(each) for each in given.split(",")],
     )  # fmt: skip
     cli.add_shared(parser, sensor="whose nominal pattern it is, of 'activestereo presets'")
@@ -96,6 +100,10 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"{args.out} exists already: an import writes a new folder")
     if not args.out.absolute().parent.is_dir():
         raise cli.CommandError(f"the folder {args.out.parent} does not exist: make it first")
+    if (args.recording / "capture.json").is_file():
+        raise cli.CommandError(
+            f"{args.recording} is a capture already: give it to compare, diagnose, calibrate or view"
+        )
     if args.depth_scale is not None and args.depth_scale <= 0:
         raise cli.CommandError("--depth-scale is 0, expected metres per unit above 0")
     with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
@@ -105,6 +113,7 @@ def run(args: argparse.Namespace) -> None:
         else:
             from activestereo.capture.importers.color_depth import write_color_depth
 
+            cli.refuse(args, _OF_INFRARED, "for infrared pairs, not for colour and depth alone")
             config, words = StereoDepthSensorConfig(args.sensor), []
             nominal = config.baseline_m, *_nominal_projector(config)
             with ProgressBar(f"importing {args.recording.name}") as bar:
@@ -150,6 +159,7 @@ def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecordi
         with ProgressBar(f"reading {args.recording.name}") as bar:
             return read_color_depth_bag(args.recording, temporary, args.k, args.depth_scale, bar)
     if (args.recording / "scene_camera.json").is_file():
+        cli.refuse(args, ("k",), "for recordings without a K of their own, not for BOP's")
         return read_bop(args.recording, temporary / "scene.gltf", args.depth_scale)
     if (args.recording / "rgb.txt").is_file() and (args.recording / "depth.txt").is_file():
         return read_tum(args.recording, args.k, args.depth_scale)
@@ -164,15 +174,21 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     kind."""
     from activestereo.capture.importers.bag import extract_bag, image_streams, is_bag
     from activestereo.capture.importers.frames import read_trajectory
-    from activestereo.capture.importers.realsense_folder import DEPTH_SCALE_M, frame_files, import_realsense, swapped
+    from activestereo.capture.importers.realsense_folder import (
+        DEPTH_SCALE_M,
+        LEAST_TIME_MS,
+        frame_files,
+        import_realsense,
+        swapped,
+    )
 
     bag = is_bag(args.recording)
     if not bag and not args.recording.is_dir():
         raise cli.CommandError(
             f"{args.recording}: is neither a folder nor a bag; record a connected camera with rs-record"
         )
-    trajectory = None if args.poses is None else read_trajectory(args.poses)
     robot = _robot(args)
+    trajectory = None if args.poses is None else read_trajectory(args.poses)
     folder, depth_scale = args.recording, args.depth_scale
     if bag:
         with ProgressBar(f"reading {args.recording.name}") as bar:
@@ -180,6 +196,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         folder, depth_scale = temporary, depth_scale or units
     files = frame_files(folder, args.depth)
     assumed: list[str] = []
+    if args.poses and files[0].number <= LEAST_TIME_MS:
+        assumed.append("the frames are 1/30 s apart, from 0 s on: their names hold no times, milliseconds since 1970")
     words = (
         [] if args.depth or any("depth" in entry.files for entry in files) else calibration.depth_words(folder, files)
     )
@@ -191,8 +209,9 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
             assumed.append(f"depth is in steps of {depth_scale:g} m, a D400's usual ones: --depth-scale tells others")
     if args.swap:
         files = swapped(files)
-    if len(args.exposure) not in (1, len(files)):
-        raise cli.CommandError(f"--exposure: has {len(args.exposure)} times for {len(files)} frames: give one, or each")
+    exposures = args.exposure or [0.008]
+    if len(exposures) not in (1, len(files)):
+        raise cli.CommandError(f"--exposure: has {len(exposures)} times for {len(files)} frames: give one, or each")
     size = image_size(files[0].files["left"], "Infrared 1")
     if bag:
         device = calibration.own_device(args, args.recording, size) or recorded
@@ -211,7 +230,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     with ProgressBar(f"importing {args.recording.name}") as bar:
         nominal = _nominal_projector(StereoDepthSensorConfig(args.sensor))
         capture = import_realsense(
-            files, device, args.out, *nominal, depth_scale, args.scene, trajectory, args.exposure, robot, bar
+            files, device, args.out, *nominal, depth_scale, args.scene, trajectory, exposures, robot, bar
         )
     missing = calibration.missing_text(files, capture.frames, bool(args.poses or args.robot))
     told += [*(f"missing: {line}" for line in missing), *(f"assumed: {line}" for line in assumed)]
@@ -224,7 +243,9 @@ def _robot(args: argparse.Namespace) -> RobotPoses | None:
     from activestereo.capture.importers.realsense_folder import RobotPoses
 
     if args.robot is None:
+        cli.refuse(args, ("hand_eye",), "for --robot, which is not given")
         return None
+    cli.refuse(args, ("poses",), "in place of --robot, not beside it")
     if args.hand_eye is None:
         raise cli.CommandError("--robot needs --hand-eye: the .hand_eye.json that calibrate rig --robot writes")
     return RobotPoses(read_poses(args.robot), JsonObject.read(args.hand_eye).rigid_transform("camera_to_gripper"))

@@ -105,13 +105,14 @@ def test_the_projector_is_where_the_preset_has_it(recording, sensor, x_m):
     assert left_to_projector[0, 3] == pytest.approx(-x_m, abs=1e-5)
 
 
-def test_folders_of_cameras_and_a_trajectory(recording, tmp_path):
+def test_folders_of_cameras_and_a_trajectory(recording, tmp_path, capsys):
     folder = tmp_path / "cameras"
     write_pairs(folder, range(0, 40, 10))
     poses = tmp_path / "poses.txt"
     poses.write_text("# time tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.3 0 0 0 0 0.7071068 0.7071068\n")
-    assert main(_arguments(folder, "--poses", str(poses))) == 0
+    assert "1/30 s apart" in run_here(capsys, *_arguments(folder, "--poses", str(poses))).stdout
     capture = read_capture(tmp_path / "capture")
+    assert "is a capture already" in refused(["import", capture.path, "--out", tmp_path / "again"], capsys)
     assert [frame.repeat_group for frame in capture.frames] == [None] * 4
     pose = capture.frames[1].camera_to_world
     assert pose[0, 3] == pytest.approx(0.1)
@@ -166,6 +167,17 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
     for file in recording.glob("*Infrared 2*"):
         file.unlink()
     assert "Infrared 2: no PNG file" in said()
+
+
+def test_depth_of_half_the_size_is_told_and_no_lead_names_what_is_no_depth(recording, capsys):
+    for file in sorted(recording.glob("*Depth*")):
+        write_gray(file, np.zeros((24, 32), np.uint16))
+    line = refused(_arguments(recording), capsys)
+    assert "is 32x24, the infrared images are 64x48" in line and "decimation filter" in line
+    for file in sorted(recording.glob("*Depth*")):
+        file.rename(file.with_name(file.name.replace("Depth", "small")))
+        write_gray(file.with_name(file.name.replace("Depth", "sure")), np.zeros((48, 64), np.uint8))
+    assert "--depth " not in run_here(capsys, *_arguments(recording)).stdout.replace("--depth WORD", "")
 
 
 def test_an_inverse_extrinsic_will_do(tmp_path):

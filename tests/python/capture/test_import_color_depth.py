@@ -56,6 +56,13 @@ def bop(tmp_path):
     return folder
 
 
+@pytest.mark.parametrize("option", ["--poses", "--swap", "--depth", "--exposure", "--baseline", "--k"])
+def test_options_that_colour_and_depth_alone_do_not_take_are_refused(bop, option, capsys):
+    values = {"--swap": [], "--exposure": ["0.01"], "--baseline": ["0.07"], "--k": ["1,1,1,1"]}.get(option, ["x"])
+    line = refused(["import", bop, "--out", bop / "out", option, *values], capsys)
+    assert f"{option} is for " in line and "leave it out" in line
+
+
 def write_ply(path, mesh):
     vertex = np.array([tuple(p) for p in mesh.positions], dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
     face = np.array([(3, tuple(t)) for t in mesh.indices.reshape(-1, 3)], dtype=[("count", "u1"), ("index", "<i4", 3)])
@@ -243,6 +250,9 @@ def test_a_robots_views_stand_where_the_gripper_carries_the_camera(tmp_path, cap
     files = ["--calibration", str(tmp_path / "d435.txt"), "--robot", str(tmp_path / "poses.csv")]
     arguments = ["import", str(views), *files, "--out", str(tmp_path / "c")]
     assert "--robot needs --hand-eye" in refused(arguments, capsys)
+    assert "--poses is in place of --robot" in refused([*arguments, "--poses", tmp_path / "robot.csv"], capsys)
+    lone = ["--hand-eye" if word == "--robot" else word for word in arguments]
+    assert "--hand-eye is for --robot" in refused(lone, capsys)
     assert main([*arguments, "--hand-eye", str(tmp_path / "hand.json")]) == 0
     capture = read_capture(tmp_path / "c")
     assert [frame.repeat_group for frame in capture.frames] == [0, 0, 1, 1]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from activestereo.capture.capture import SIDES, Capture
-from activestereo.capture.images import read_color, read_gray
+from activestereo.capture.images import image_size, read_color, read_gray
 from activestereo.capture.write import write_capture
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import rigid_motion
@@ -119,6 +119,11 @@ def write_frames(
         for side, name in zip(SIDES if frame.has_infrared else (), INFRARED, strict=False):
             images[frame.id, side] = read_gray(frame.path(side), rig.camera(side).size, name)
         if frame.depth_path is not None:
+            size = image_size(frame.depth_path, "Depth")
+            if frame.has_infrared and size != rig.left.size:
+                own, pair = ("x".join(map(str, sides)) for sides in (size, rig.left.size))
+                remedy = "record both in one size, without a decimation filter, or move the depth images elsewhere"
+                raise ValueError(f"{frame.depth_path}: Depth: is {own}, the infrared images are {pair}: {remedy}")
             depths[frame.id] = read_gray(frame.depth_path, rig.left.size, "Depth")
             if depths[frame.id].dtype != np.uint16:
                 raise ValueError(
