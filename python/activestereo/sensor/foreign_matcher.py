@@ -66,8 +66,9 @@ def foreign_maps(
     z = np.divide(k[0, 0] * baseline_m, disparity, out=np.zeros_like(disparity), where=is_measured)
     is_near = (z >= plan.engine["min_depth_m"]) & (z < plan.engine["max_depth_m"])
     depth = np.where(is_near, z, 0.0).astype(np.float32)
-    v, u = np.indices(depth.shape[-2:])
-    rays = np.stack([*to_tangents(u, v, k), np.ones(u.shape)], axis=-1)
+    depth_rgb = np.stack([registered(one, k, left_to_rectified, plan) for one in depth])
+    v, u = np.indices(depth_rgb.shape[-2:])
+    rays = np.stack([*to_tangents(u, v, plan.rgb["k"], plan.rgb["distortion"]), np.ones(u.shape)], axis=-1)
     reason = np.where(is_measured, simsense.REASONS.index("valid"), simsense.REASONS.index("not_unique"))
     reason = np.where(is_measured & (depth == 0), simsense.REASONS.index("out_of_range"), reason)
     found_maps = {
@@ -75,8 +76,8 @@ def foreign_maps(
         "confidence": np.where(is_measured, 1.0 if confidence is None else confidence, 0.0).astype(np.float32),
         "reason": reason.astype(np.uint8),
         "depth": depth,
-        "points": (rays * depth[..., None]).astype(np.float32),
-        "depth_rgb": np.stack([registered(one, k, left_to_rectified, plan) for one in depth]),
+        "points": (rays * depth_rgb[..., None]).astype(np.float32),
+        "depth_rgb": depth_rgb,
     }
     maps = images | {name: values.reshape(*leading, *values.shape[1:]) for name, values in found_maps.items()}
     missing = [name for name in outputs if name not in maps]

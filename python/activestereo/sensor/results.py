@@ -168,9 +168,9 @@ class SensorResults(ABC):
         return [self._engine.maps.read(f"ir_{side}") for side in SIDES]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
-        """Returns a map of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index
-        into simsense.REASONS, 'points' float32 [..., height, width, 3] metres, or the images 'rectified_left' and
-        'rectified_right'."""
+        """Returns 'points' float32 [..., height, width, 3] metres, in the RGB camera's axes and at its pixels, or a map
+        of the (rectified) left infrared camera: 'confidence' float32 0..1, 'reason' uint8 an index into
+        simsense.REASONS, or the images 'rectified_left' and 'rectified_right'."""
         self._check_depth_map(name)
         return self._engine.maps.read(name)
 

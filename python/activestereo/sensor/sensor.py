@@ -125,10 +125,9 @@ class StereoDepthSensor(SensorResults):
         return [_linear_counts(*side) for side in zip(light, signals, strict=True)]
 
     def get_depth_map(self, name: str) -> NDArray[Any]:
-        """Returns one of the config's depth_maps in the (rectified) left infrared camera: 'confidence' float32 [height,
-        width] 0..1, 'reason' uint8 [height, width] an index into simsense.REASONS, 'points' float32 [height, width, 3]
-        metres, 'rectified_left', 'rectified_right'; or, always, 'cause', uint8 [height, width] an index into
-        gbuffer.cause.CAUSES: why a pixel has no depth, from the scene as it is now."""
+        """Returns one of the config's depth_maps: as in a batch; or, always, 'cause', uint8 [height, width] of the
+        (rectified) left infrared camera, an index into gbuffer.cause.CAUSES: why a pixel has no depth, from the scene
+        as it is now."""
         if name == "cause":
             return traced_causes(self, self._engine.maps.read("reason"))
         return super().get_depth_map(name)

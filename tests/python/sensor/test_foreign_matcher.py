@@ -39,7 +39,6 @@ def test_a_function_s_disparities_become_depth_points_confidence_and_reasons(wal
         disparity, settings = sensor.get_disparity(), sensor.get_config()
         assert (disparity[5:] == _DISPARITY_PX).all() and (disparity[:5] == -1).all()
         expected_m = settings.focal_baseline_px_m / _DISPARITY_PX
-        np.testing.assert_allclose(sensor.get_depth_map("points")[5:, :, 2], expected_m, rtol=1e-5)
         depth = sensor.get_depth()
         assert np.median(depth[depth > 0]) == pytest.approx(expected_m, rel=1e-3)
         confidence = sensor.get_depth_map("confidence")
@@ -61,6 +60,15 @@ def test_a_batch_asks_the_matcher_once_for_all_pairs():
         with_depth(batch, infrared_only=True)
         assert (batch.get_disparity() == _DISPARITY_PX).all() and batch.get_disparity().ndim == 3
     assert asked == [(2, *config().ir_resolution[::-1])]
+
+
+@pytest.mark.parametrize("matcher", ["simsense", constant])
+def test_points_are_the_rgb_camera_s_whatever_matches(wall, matcher):
+    with StereoDepthSensor(config(), wall, matcher=matcher) as sensor:
+        with_depth(sensor)
+        points = sensor.get_depth_map("points")
+        assert len(points[points[..., 2] > 0]) > 1000
+        np.testing.assert_allclose(points[points[..., 2] > 0], sensor.get_pointcloud(), rtol=1e-4, atol=1e-5)
 
 
 def test_opencv_s_matcher_and_simsense_s_agree_about_a_wall(wall):
