@@ -103,8 +103,8 @@ class SensorEngine:
         share = 0.0 if infrared_only else 0.5
         try:
             self.rig.shine(rigs)
+            picture.has_rgb = False
             if not infrared_only:
-                picture.has_rgb = False
                 picture.rgb.forget()
                 cameras, seen = self.rig.rgb_cameras(rigs), self.rig.visible()
                 self._render("rgb", cameras, picture.rgb.targets, taken, part_of(progress, 0.0, share), seen)
@@ -140,10 +140,9 @@ class SensorEngine:
         return self._picture
 
     def rgb_picture(self) -> PictureMemory:
-        """Returns the memory of the newest RGB images, perhaps of an earlier picture. Raises RuntimeError if there are
-        none."""
+        """Returns the memory of the current picture's RGB images. Raises RuntimeError if there are none."""
         if not self.picture().has_rgb:
-            raise RuntimeError("no RGB picture yet: call take_picture() first, without infrared_only")
+            raise RuntimeError("the last picture has no RGB: call take_picture() without infrared_only")
         return self._picture.rgb
 
     def rgb_output(self, name: str) -> NDArray[Any]:

@@ -201,7 +201,7 @@ class Taken(NamedTuple):
 class Picture:
     """Memory for one picture of each sensor, and the settings of the last one rendered there.
 
-    taken: None if there is no picture. has_rgb: the memory holds RGB images, perhaps of an earlier picture. setting:
+    taken: None if there is no picture. has_rgb: the memory holds its RGB images. setting:
     exposure and gain. signals: the imagers' parameters, left and right, with exposure and gain."""
 
     link: IrLink

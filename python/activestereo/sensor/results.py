@@ -91,9 +91,9 @@ def depth_engine(config: StereoDepthSensorConfig) -> dict[str, Any]:
 
 class SensorResults(ABC):
     """Reads the results of one sensor or a batch. Arrays begin with the sensors' shape, (), [E] or [E, S], and continue
-    with [height, width]; a method names further axes. Raises RuntimeError where there is no result. RGB images, true
-    depth and ids are the newest RGB picture's, which infrared_only leaves. Unread results cost no copy. compute_depth()
-    computes maps that were read before; others are computed when first read."""
+    with [height, width]; a method names further axes. Raises RuntimeError where there is no result: an infrared_only
+    picture has no RGB image, true depth and ids. Unread results cost no copy. compute_depth() computes maps that were
+    read before; others are computed when first read."""
 
     # The names that get_depth_map() takes.
     _depth_maps: tuple[str, ...] = DEPTH_MAPS

@@ -80,10 +80,12 @@ def test_late_maps_are_of_the_engine_that_the_depth_is_of(small_config, table_to
     assert (late.get_disparity() != expected[0]).any()
 
 
-def test_an_rgb_picture_outlives_infrared_ones(small_config, table_top):
+def test_an_infrared_picture_has_no_rgb_of_an_earlier_one(small_config, table_top):
     small_config.samples_per_pixel = 1
     sensor = StereoDepthSensor(small_config, table_top)
     sensor.take_picture()
-    rgb = sensor.get_rgb()
+    assert sensor.get_rgb().any()
     sensor.take_picture(infrared_only=True)
-    np.testing.assert_array_equal(sensor.get_rgb(), rgb)
+    for get in (sensor.get_rgb, sensor.get_rgba8, sensor.get_true_depth, sensor.get_instance_ids):
+        with pytest.raises(RuntimeError, match="the last picture has no RGB: .* without infrared_only"):
+            get()
