@@ -20,6 +20,7 @@ from scipy.ndimage import correlate1d, gaussian_filter
 from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
 from activestereo.common.input_files import read_text
+from activestereo.common.limits import TEMPERATURE
 from activestereo.effects import Light, View, builtin
 from activestereo.effects.core.model import acted
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C
@@ -150,6 +151,8 @@ def _frames_with_temperature(capture: Capture, temperatures: Path | None) -> lis
             raise ValueError(f"{temperatures}: is no CSV of seconds, celsius ({error})") from error
         if len(table) < 2 or not np.isfinite(table).all() or not np.all(np.diff(table[:, 0]) > 0.0):
             raise ValueError(f"{temperatures}: needs two rows or more of seconds, celsius, seconds rising")
+        for celsius in table[:, 1]:
+            TEMPERATURE.check(f"{temperatures}: a temperature", float(celsius))
         inside = [f for f in frames if table[0, 0] <= f.timestamp_s <= table[-1, 0]]
         frames = [replace(f, temperature_c=float(np.interp(f.timestamp_s, *table.T))) for f in inside]
     return [f for f in frames if f.temperature_c is not None]

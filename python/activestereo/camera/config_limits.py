@@ -20,12 +20,14 @@ from activestereo.common.limits import (
     EXPOSURE,
     FOCAL,
     GAIN,
+    LASER,
     LENGTH,
     LINE_TIME,
     PIXEL,
     POWER,
     SIDE,
     SPEED,
+    TEMPERATURE,
     TURN_RATE,
     Limits,
     camera_matrix_fault,
@@ -52,7 +54,7 @@ _ENDLESS = ("max_depth_m",)
 _SHARE = Limits(0.0, 1.0)
 _PENALTY = Limits(1, 223, whole=True)
 _COUNTS = Limits(-65535.0, 65535.0, "DN")
-_LASER = Limits(0.0, 1e6, "mW")
+_LASER = Limits(0.0, LASER.high, "mW")  # 0: off
 _SEED = Limits(0, 2**64 - 1, whole=True)
 # The upper half of a picture's seed; its number is the lower one.
 RENDER_SEED = Limits(0, 2**32 - 1, whole=True)
@@ -63,7 +65,7 @@ _NUMBERS = {
     "light_pattern_scale": Limits(1e-3, 1e3),
     "projector_intensity": Limits(0.0, 1e6, "W/sr"),
     "laser_power_mw": _LASER,
-    "laser_power_nominal_mw": Limits(1e-3, 1e6, "mW"),
+    "laser_power_nominal_mw": LASER,
     "projector_beam_radius_m": Limits(0.0, 0.1, "m"),
     "projector_falloff": Limits(0.0, 64.0),
     "ir_camera_exposure": EXPOSURE,
@@ -86,7 +88,7 @@ _LISTS = {
     "rgb_resolution": [SIDE] * 2,
     "ir_resolution": [SIDE] * 2,
     "laser_power_limits_mw": [_LASER] * 3,
-    "ir_exposure_limits_s": [EXPOSURE] * 2,
+    "ir_exposure_limits_s": [Limits(EXPOSURE.low, 100.0, "s")] * 2,
     "ir_gain_limits": [GAIN] * 2,
     "ir_exposure_region": [Limits(0, 65535, "px", whole=True)] * 4,
 }
@@ -173,6 +175,8 @@ def _parameter_fault(p: Parameter, value: Any) -> str | None:
         return _flag_fault(value)
     if p.kind is str or (p.name in _ENDLESS and value == inf):
         return None
+    if p.unit == "deg C":
+        return TEMPERATURE.fault(value)
     low, high = p.range or (ANY.low, ANY.high)
     whole = p.kind is int
     limits = Limits(-(2**53) if whole else max(low, ANY.low), 2**53 if whole else min(high, ANY.high), p.unit, whole)
@@ -281,6 +285,8 @@ def check_together(fields: Mapping[str, Any]) -> None:
     (low, high, _), power_mw = fields["laser_power_limits_mw"], fields["laser_power_mw"]
     if not low <= power_mw <= high:
         raise ValueError(f"laser_power_mw is {power_mw:g}, expected {low:g} to {high:g}")
+    if power_mw > 0.0:
+        LASER.check("laser_power_mw", power_mw)
     speckle, thermal = fields["ir_speckle_noise"], fields["ir_thermal_noise"]
     if fields["ir_signal"] is None and speckle > 0 and thermal <= 0:
         raise ValueError(

@@ -18,7 +18,7 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 
 from activestereo.common.baseline import unit_question
-from activestereo.common.limits import camera_matrix_fault
+from activestereo.common.limits import EXPOSURE, camera_matrix_fault
 from activestereo.common.output_files import check_target, finite
 from activestereo.common.parameter import RENDER
 from activestereo.common.pose import rigid_fault
@@ -37,8 +37,7 @@ EXIT_CODES = FINE, FINDING, USAGE, FAILURE, STOPPED, READER_GONE, TERMINATED
 
 # The main parser's subparsers; each command's add_parser() adds one.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
-# Longer than any depth camera exposes: a D400 takes 0.2 s at most, of which the number in milliseconds is 200.
-_MOST_EXPOSURE_S, _MOST_EXPOSURE_MS = 2.0, 250.0
+_MOST_EXPOSURE_MS = 250.0
 _MAX_BOUNCES = next(p.default for p in RENDER if p.name == "max_bounces")
 
 
@@ -257,7 +256,7 @@ def baseline(text: str) -> float:
 def exposure(text: str) -> float:
     """Parses an exposure in seconds. Refuses a value that looks like milliseconds or microseconds."""
     value = positive(text)
-    if value > _MOST_EXPOSURE_S:
+    if value > EXPOSURE.high:
         unit, factor = ("microseconds", 1e-6) if value > _MOST_EXPOSURE_MS else ("milliseconds", 1e-3)
         question = f"is {value:g} s, longer than any depth camera exposes: is it in {unit}?"
         raise argparse.ArgumentTypeError(f"{question} Then give {factor * value:g}")

@@ -216,6 +216,4 @@ def _lens(text: str) -> tuple[float, ...]:
 
 def _twist(text: str) -> np.ndarray:
     values = cli.numbers(text, (3, 6), "a velocity")
-    if np.abs(values).max() >= 1e6:
-        raise argparse.ArgumentTypeError(f"a velocity is in m/s and rad/s, below 1e6, not '{text}'")
     return np.concatenate([values, np.zeros(6 - len(values))])

@@ -18,12 +18,14 @@ _LARGEST = sys.float_info.max
 
 @dataclass(frozen=True)
 class Limits:
-    """An allowed range: finite numbers from low to high; with `whole`, whole numbers only. unit: for messages."""
+    """An allowed range: finite numbers from low to high; with `whole`, whole numbers only. unit: for messages. slip:
+    how to convert from the unit that is likely meant beyond the range."""
 
     low: float
     high: float
     unit: str = ""
     whole: bool = False
+    slip: str = ""
 
     def fault(self, value: Any) -> str | None:
         """Returns None if the value is allowed. Otherwise returns the fault as text that follows the value's name."""
@@ -32,7 +34,8 @@ class Limits:
         if not is_number or not -_LARGEST <= value <= _LARGEST:  # nor NaN, nor a whole number beyond a float's range
             return f"is {shown(value)}, expected {kind} number, {self}"
         if not self.low <= value <= self.high:
-            return f"is {shown(value)}, expected {self}: correct the value or its unit"
+            slip = f" ({self.slip})" if self.slip else ""
+            return f"is {shown(value)}, expected {self}: correct the value or its unit{slip}"
         return None
 
     def check(self, name: str, value: Any) -> Any:
@@ -56,18 +59,22 @@ class Limits:
         return f"{low} to {high} {self.unit}".rstrip()
 
 
-# Limits of sensors, lamps and views: wider than any real one, and far from float32's ends.
+# Limits of sensors, lamps and views: wider than any real one, and far from float32's ends. Where another unit is usual,
+# its numbers are beyond them: a camera on a car has 50 m/s, one that is turned by hand 20 rad/s, and a D400 exposes for
+# 0.2 s at most, of which the number in milliseconds is 200.
 ANY = Limits(-1e30, 1e30)
 # Standard deviations of stated numbers, in metres, radians or shares; none is smaller than 1e-7.
 UNCERTAINTY = Limits(1e-7, 1.0)
 BLACK = Limits(-65535.0, 65535.0, "DN")
 BLACK_DEVIATION = Limits(1e-4, 65535.0, "DN")
-SPEED = Limits(-1e3, 1e3, "m/s")
-TURN_RATE = Limits(-1e3, 1e3, "rad/s")
-EXPOSURE = Limits(1e-9, 100.0, "s")
+SPEED = Limits(-60.0, 60.0, "m/s", slip="divide mm/s by 1000")
+TURN_RATE = Limits(-60.0, 60.0, "rad/s", slip="divide degrees/s by 57.3")
+EXPOSURE = Limits(1e-9, 2.0, "s", slip="divide milliseconds by 1000, microseconds by 1e6")
 GAIN = Limits(1e-9, 1e6)
 POWER = Limits(0.0, 1e6)
-TEMPERATURE = Limits(-273.15, 1000.0, "degrees Celsius")
+TEMPERATURE = Limits(-100.0, 200.0, "degrees Celsius", slip="subtract 273.15 from kelvin")
+FACTOR = Limits(0.0, 100.0, slip="it is a factor on the configured value")
+LASER = Limits(0.5, 1e6, "mW", slip="multiply watts by 1000")
 TIME = Limits(-1e12, 1e12, "s")
 LENGTH = Limits(-1e7, 1e7, "m")
 RADIUS = Limits(0.0, 1e4, "m")

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from activestereo.camera.config_limits import RENDER_SEED
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
-from activestereo.common.limits import POWER
+from activestereo.common.limits import FACTOR
 from activestereo.common.pose import PoseLike, as_matrix, pose_fault
 from activestereo.model import SensorModel
 from activestereo.sensor.engine import SensorEngine
@@ -138,7 +138,7 @@ class StereoDepthSensorBatch(SensorResults):
                 shares[name] = np.empty(0)
             if shares[name].shape != shape:
                 raise ValueError(f"{name} of {where} is {list(shape)} numbers from 0 on, not {values!r}")
-            raise_faults(name, each, [POWER.fault(value) for value in shares[name].ravel().tolist()])
+            raise_faults(name, each, [FACTOR.fault(value) for value in shares[name].ravel().tolist()])
         if right_turn is not None:
             if np.shape(right_turn) != (*shape, 3, 3):
                 raise ValueError(f"right_turn of {where}: {[*shape, 3, 3]}, not {np.shape(right_turn)}")

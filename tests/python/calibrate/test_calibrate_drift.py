@@ -90,4 +90,8 @@ def test_what_tells_no_drift_is_refused(drawn, tmp_path, capsys, change, said):
     assert main(["calibrate", "drift", str(capture), "-o", str(tmp_path / "model.json")]) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+    (tmp_path / "kelvin.csv").write_text("0,298\n9,310\n")
+    given = "--temperatures", str(tmp_path / "kelvin.csv"), "-o", str(tmp_path / "model.json")
+    assert main(["calibrate", "drift", str(capture), *given]) == 2
+    assert "kelvin.csv: a temperature is 298, expected" in capsys.readouterr().err
     assert not (tmp_path / "model.json").exists()

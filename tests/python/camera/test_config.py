@@ -134,7 +134,7 @@ def changed(**fields):
     [
         ("denoise", "off", "known: none, atrous, oidn"),
         ("emitter", "blinking", "known: on, off, alternating"),
-        ("ir_camera_exposure", 1e9, "1e-09 to 100 s"),
+        ("ir_camera_exposure", 1e9, "1e-09 to 2 s"),
         ("max_disp", float("nan"), "expected a whole number"),
         ("median_filter_size", 4, "expected 1, 3, 5 or 7"),
         ("samples_per_pixel", 0, r"expected 1\.\.4294967295"),

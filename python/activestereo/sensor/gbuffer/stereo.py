@@ -21,7 +21,7 @@ from activestereo.camera.config_limits import FRAME
 from activestereo.camera.plan import plan_of
 from activestereo.camera.presets import StereoDepthSensorConfig, own_config
 from activestereo.common.lens import is_distorting, to_tangents, with_finer_pixels
-from activestereo.common.limits import POWER, Limits
+from activestereo.common.limits import FACTOR, Limits
 from activestereo.common.pose import host_array
 from activestereo.common.shown import require_known, shown
 from activestereo.effects.engines.capture_inputs import copy_record
@@ -340,12 +340,12 @@ class GBufferStereo:
             require_metres("projector", host_image("projector", projector, self.input_shape))
         hiding = None if projector is None else self._shadows.put({"depth": projector})["depth"]
         numbers = {
-            "laser_power": POWER.check_each("laser_power", laser_power, self._count),
+            "laser_power": FACTOR.check_each("laser_power", laser_power, self._count),
             "ambient_radiance": _RADIANCE.check_each(
                 "ambient", self._rig.inputs().ambient_radiance if ambient is None else ambient, self._count
             ),
         }
-        share = POWER.check_each("exposure", exposure, self._count)
+        share = FACTOR.check_each("exposure", exposure, self._count)
         frame = int(FRAME.check("the frame", self._frame + 1))
         inputs = self._rig.begin(frame)
         self._rig.shine(np.eye(4)[None])
