@@ -12,6 +12,7 @@ from PIL import Image
 
 import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.cli import simulate
 from activestereo.model import read_model
 from activestereo.report.view.sources import SceneSource
 from activestereo.scene_io import meshes
@@ -135,23 +136,23 @@ def test_a_model_states_infrared_albedos_by_the_names_of_materials(ran, tmp_path
     for scene, name, albedo in ((wedge, "m", 0.05), (wedge, "m", 0.9), (wedge, "cloth", 0.9), ("a.stl", "m", 0.9)):
         model = {"format": "active-stereo-model", "version": 2, "materials": {name: {"ir_albedo": albedo}}}
         (tmp_path / "model.json").write_text(json.dumps(model))
-        quick = (*(word for word in _QUICK if word not in ("--resolution", "106x60")), "--ir-exposure", "0.001")
-        result = ran("simulate", tmp_path / scene, "--model", tmp_path / "model.json", *quick, "-o", tmp_path / "out")
-        means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png"))[200:280, 380:460].mean())
+        more = (*_QUICK, "--ir-exposure", "0.001", "--model", tmp_path / "model.json")
+        result = ran("simulate", tmp_path / scene, *more, "-o", tmp_path / "out")
+        means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png"))[25:35, 48:58].mean())
         told.append(" ".join(f"{result.stdout} {result.stderr}".split()))
     assert means[1] > 1.2 * means[0]
     assert "no such material" not in told[0] and "cloth: the scene has no such material (there are: m)" in told[2]
     assert "(there are: none)" in told[3] and "unnamed material" in told[3]
 
 
-def test_a_model_makes_one_of_two_objects_of_a_material_shine(ran, tmp_path: Path) -> None:
+def test_a_model_makes_one_of_two_objects_of_a_material_shine(ran, tmp_path: Path, monkeypatch) -> None:
     """As the command does that `diagnose` prints, for a capture whose material is on several objects."""
     room, model = _room(tmp_path / "a.glb", None), tmp_path / "model.json"
-    means = []
+    make, means = simulate.make_config, []  # --resolution is refused beside effects
+    monkeypatch.setattr(simulate, "make_config", lambda *given: make(*given).scaled(0.125))
     for surface in ("grey of wall", "grey of neighbour"):
         ran("add", "specular", "--set", "factor=5", "--on", surface, "-o", model)
-        quick = [word for word in _QUICK if word not in ("--resolution", "106x60")]
-        ran("simulate", room, "--model", model, *quick, "--no-noise", "-o", tmp_path / "out")
+        ran("simulate", room, "--model", model, *_QUICK[:2], *_QUICK[4:], "--no-noise", "-o", tmp_path / "out")
         means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png")).mean())
     assert means[0] != means[1]
     source = SceneSource(room, kuafu.Device("cpu"), StereoDepthSensorConfig("D435"), read_model(model))
