@@ -86,8 +86,9 @@ def run_add(args: argparse.Namespace) -> None:
     effect = find(effects, args.effect)
     if args.on and SURFACES not in effect.parameters:
         raise cli.CommandError(f"--on {args.on[0]}: {effect.id} is not an effect of surfaces")
-    given: dict[str, Quantity] = {}
-    surfaces: tuple[str, ...] = ()
+    known = next((one for one in model.effects if one.effect.id == effect.id and args.set), None)
+    given: dict[str, Quantity] = dict(known.parameters) if known else {}
+    surfaces: tuple[str, ...] = known.surfaces if known else ()
     if args.diagnosis is not None:
         try:
             diagnosis = read_json(args.diagnosis)

@@ -165,6 +165,9 @@ def test_add_edits_the_file_and_keeps_all_else(whole, tmp_path, capsys):
     model = read_model(path)
     assert [e.effect.id for e in model.effects] == ["vignetting", "specular", "lens_psf"]
     assert model.rig is not None and model.nuisances["projector_scale"].high == 7.1e4
+    arguments[3] = "corner_sigma_px=0.9"
+    assert main(arguments) == 0
+    assert [q.value for q in read_model(path).effects[-1].parameters.values()] == [0.7, 0.9]
     before = path.read_bytes()
     wrong = ("add", "lens_psf", "--set", "sigma_px=70", "--model", path, "-o", path)
     assert "outside 0.0..3.0" in refused(wrong, capsys)
