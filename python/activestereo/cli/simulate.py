@@ -348,7 +348,7 @@ def _report(
     warn_of_full_pixels(sensor.get_ir_measured()[0], 2 ** int(sensor.plan.signal["bit_depth"]) - 1)
     summary = sensor.scene.summary
     size_m = float(np.max(np.subtract(summary.bounds_max_m, summary.bounds_min_m)))
-    warn_of_unseen(unseen, summary.instance_count, size_m)
+    warn_of_unseen(unseen, summary.instance_count, size_m, args.unit)
     groups: dict[str, dict[str, float]] = {}
     for name, time in sensor.stage_times.items():
         group, stage = name.split(": ", 1)
@@ -368,8 +368,8 @@ def _report(
     sentence = depth_sentence(f"{_sensor_name(args, sensor)} in {args.scene.name} ({size_m:.2g} m large)", rows)
     notes, page = light_lines(share, added, chosen), args.out / "overview.png"
     leads, unit = [command("view", args.out, *cli.carried(args, "device"))], likely_unit(size_m)
-    if not rows[-1].pixels and args.unit == 1.0 != unit:
-        leads = [command(*args.given, "--unit", f"{unit:g}")]
+    if not rows[-1].pixels and unit != 1.0:
+        leads = [command(*args.given, "--unit", f"{args.unit * unit:g}")]
     print(screen(sentence, failing(rows), notes, leads, page, details, args.verbose))
 
 
@@ -433,9 +433,9 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
         _say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
 
 
-def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float) -> None:
+def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float, unit_m: float) -> None:
     """Warns on stderr of bodies that the sensor cannot measure. unseen: (name, reason) of each. count: of the scene's
-    bodies. size_m: the scene's, for a hint at wrong units."""
+    bodies. size_m: the scene's in units of unit_m, for a hint at wrong units."""
     from activestereo.scene_io.scene_files import size_hint
 
     if not unseen:
@@ -443,7 +443,7 @@ def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float)
     named = "; ".join(f"'{name}' is {why}" for name, why in unseen[:_MOST_NAMED])
     more = f"; and {len(unseen) - _MOST_NAMED} more" if len(unseen) > _MOST_NAMED else ""
     what = "nothing can" if len(unseen) == count else f"{len(unseen)} of {count} bodies cannot"
-    hint = size_hint(size_m)
+    hint = size_hint(size_m, unit_m)
     _say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
 
 

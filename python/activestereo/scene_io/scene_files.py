@@ -53,10 +53,15 @@ def likely_unit(size_m: float) -> float:
     return 0.001 if size_m > 50.0 else 1000.0 if size_m < 2e-3 else 1.0
 
 
-def size_hint(size_m: float) -> str:
-    """Returns a text that suggests a unit for a scene of unlikely size; an empty text for a likely size."""
-    unit = likely_unit(size_m)
-    if unit == 1.0:
+_UNITS = {0.001: "millimetres", 1.0: "metres", 1000.0: "kilometres"}
+
+
+def size_hint(size_m: float, unit_m: float = 1.0) -> str:
+    """Returns a text that suggests a unit for a scene of unlikely size; an empty text for a likely size. unit_m: the
+    unit that the size was read with."""
+    factor = likely_unit(size_m)
+    if factor == 1.0:
         return ""
-    said = f"{size_m:.4g} m" if unit < 1.0 else f"{1e3 * size_m:.2g} mm"
-    return f"{said} large: its file may be in {'milli' if unit < 1.0 else 'kilo'}metres, which --unit {unit:g} says"
+    said, unit = f"{size_m:.4g} m" if factor < 1.0 else f"{1e3 * size_m:.2g} mm", factor * unit_m
+    named = _UNITS.get(unit, f"units of {unit:g} m")
+    return f"{said} large: its file may be in {named}, which --unit {unit:g} says"

@@ -59,7 +59,8 @@ def test_bodies_that_are_not_seen_are_named_with_the_reason(ran, tmp_path: Path)
     ("size", "options", "words"),
     [
         (200.0, (), ("beyond the sensor's 10 m", "200 m large", "--unit 0.001")),
-        (0.2, ("--unit", "0.001"), ("0.2 mm large", "--unit 1000")), (200.0, ("--unit", "0.001"), ()),
+        (0.2, ("--unit", "0.001"), ("0.2 mm large", "in metres, which --unit 1 says")),
+        (200.0, ("--unit", "0.001"), ()),
     ],
 )  # fmt: skip
 def test_a_scene_in_another_unit(run, tmp_path: Path, size: float, options: tuple, words: tuple) -> None:

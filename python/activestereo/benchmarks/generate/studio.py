@@ -132,7 +132,7 @@ class Things:
             size = float(np.max(high - low))
             if not _SIZE_M[0] <= size <= _SIZE_M[1]:
                 text = f"{path}: the thing is {size:g} m large; it must be {_SIZE_M[0]:g} to {_SIZE_M[1]:g} m"
-                raise ValueError(f"{text}. It is {size_hint(size) or 'in another unit, which --unit says'}")
+                raise ValueError(f"{text}. It is {size_hint(size, unit_m) or 'in another unit, which --unit says'}")
             is_y_up = path.suffix.lower() in (".gltf", ".glb")
             turn = _Y_UP if is_y_up else np.eye(4)
             corners = np.array([turn[:3, :3] @ corner for corner in (low, high)])
