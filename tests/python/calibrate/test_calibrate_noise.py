@@ -111,7 +111,7 @@ def test_exposures_tell_black_and_photon_transfer():
     assert np.polyfit(means, variances, 1)[0] == pytest.approx(0.4, rel=0.03)
 
 
-GAIN, SIGMA, BLACK, DSNU = 0.1, 3.0, 29.4, 1.5
+GAIN, SIGMA, BLACK, DSNU = 1.0, 3.0, 29.4, 1.5
 
 
 @pytest.fixture(scope="module")
@@ -119,9 +119,9 @@ def steps(tmp_path_factory):
     """Pairs of evenly lit frames of a 12-bit camera with unequal pixels in one folder each, dark ones, and a descriptor
     of EMVA 1288 that lists them."""
     folder, rng, size = tmp_path_factory.mktemp("steps"), np.random.default_rng(8), (64, 96)
-    uneven, offset = 1.0 + 0.006 * rng.standard_normal(size), BLACK + DSNU * rng.standard_normal(size)
+    uneven, offset = 1.0 + 0.02 * rng.standard_normal(size), BLACK + DSNU * rng.standard_normal(size)
     lines = ["# drawn", "v 3.1", "n 12 96 64"]
-    for place, electrons in enumerate((*np.linspace(2e3, 3.8e4, 12), 0.0)):
+    for place, electrons in enumerate((*np.linspace(2e2, 3.8e3, 12), 0.0)):
         own = folder / (f"lit/{place:02d}" if electrons else "dark")
         own.mkdir(parents=True)
         lines.append(f"b 1000000.0 {2 * electrons:.1f}" if electrons else "d 1000000.0")
