@@ -14,6 +14,7 @@ import measured_rooms
 import numpy as np
 import pytest
 from activestereo.cli import main
+from activestereo.diagnose.room.plan import Recording
 from room_worlds import BASELINE_M, CX, CY, F, Room
 from run_suite import is_wanted, main as run_suite
 from suite_score import Result, median, rate, score
@@ -188,6 +189,8 @@ def test_a_hidden_gain_has_its_row_and_the_plain_room_none(tmp_path, monkeypatch
         return diagnose(*given, **named)
 
     monkeypatch.setattr(measured_rooms, "diagnose", opened)
+    planned = [Recording("this", 0.0, {})]  # what to record after the diagnosis has tests of its own
+    monkeypatch.setattr("activestereo.diagnose.room.diagnosed.plan_of", lambda seen: planned)
     measured_rooms.main()
     assert settled == [[False, True]] * 2
     plain, hidden = json.loads((tmp_path / "out" / "results.json").read_text())

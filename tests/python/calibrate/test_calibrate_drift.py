@@ -4,6 +4,8 @@ stays is not; recordings that tell no drift are refused with their reason."""
 
 import json
 import shutil
+from contextlib import redirect_stdout
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +21,14 @@ CELSIUS = 27.0 + _KELVIN * (1.0 - np.exp(-np.arange(_FRAMES) / 3.0))
 
 
 def warm_up(folder: Path, **per_k: float) -> Path:
-    """The capture of a warm-up with drifts per kelvin, beside its temperatures.csv."""
+    """The capture of a warm-up with drifts per kelvin, beside its temperatures.csv and what import said."""
     warm = CELSIUS - CELSIUS[0]
     cx, focal, pattern, power = (per_k.get(name, 0.0) for name in ("cx_px_per_k", "focal_per_k", "pattern", "power"))
     states = [Warm(cx * k, focal * k, pattern * k, float(np.exp(power * k))) for k in warm]
     Room(turns_deg=((0, 0),), exposures=(1.0,)).write_warm_up(folder / "views", states, off=2)
     stated = ["--k", f"{F},{F},{CX},{CY}", "--baseline", str(BASELINE_M), "--sensor", "d415"]
-    assert main(["import", str(folder / "views"), *stated, "-o", str(folder / "capture")]) == 0
+    with (folder / "said.txt").open("w") as said, redirect_stdout(said):
+        assert main(["import", str(folder / "views"), *stated, "-o", str(folder / "capture")]) == 0
     rows = [f"{WARM_UP_S + 75 * k},{c}" for k, c in enumerate(CELSIUS)]
     (folder / "temperatures.csv").write_text("\n".join(rows) + "\n")
     return folder / "capture"
@@ -34,15 +37,7 @@ def warm_up(folder: Path, **per_k: float) -> Path:
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
     """A function: the capture of a warm-up with drifts, drawn once."""
-    made = {}
-
-    def capture(drifts):
-        key = tuple(sorted(drifts.items()))
-        if key not in made:
-            made[key] = warm_up(tmp_path_factory.mktemp("warm"), **drifts)
-        return made[key]
-
-    return capture
+    return cache(lambda **drifts: warm_up(tmp_path_factory.mktemp("warm"), **drifts))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +50,7 @@ def drawn(tmp_path_factory):
     ],
 )  # fmt: skip
 def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hidden, truth):
-    capture, model = drawn(hidden), tmp_path / "model.json"
+    capture, model = drawn(**hidden), tmp_path / "model.json"
     given = ["--temperatures", str(capture.parent / "temperatures.csv"), "-o", str(model)]
     assert main(["calibrate", "drift", str(capture), *given]) == 0
     end = capsys.readouterr().out
@@ -69,9 +64,8 @@ def test_what_drifts_is_named_and_what_stays_is_not(drawn, tmp_path, capsys, hid
         assert abs(found[name].value - value) < half < 0.15 * abs(value), (name, found[name])
 
 
-def test_import_sends_a_warm_up_to_calibrate_drift(tmp_path, capsys):
-    warm_up(tmp_path)
-    assert "next: activestereo calibrate drift" in capsys.readouterr().out
+def test_import_sends_a_warm_up_to_calibrate_drift(drawn):
+    assert "next: activestereo calibrate drift" in (drawn().parent / "said.txt").read_text()
 
 
 @pytest.mark.parametrize(
@@ -83,7 +77,7 @@ def test_import_sends_a_warm_up_to_calibrate_drift(tmp_path, capsys):
     ],
 )
 def test_what_tells_no_drift_is_refused(drawn, tmp_path, capsys, change, said):
-    capture = shutil.copytree(drawn({}), tmp_path / "capture")
+    capture = shutil.copytree(drawn(), tmp_path / "capture")
     described = json.loads((capture / "capture.json").read_text())
     described["frames"] = change(described["frames"])
     (capture / "capture.json").write_text(json.dumps(described))

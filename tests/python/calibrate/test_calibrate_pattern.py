@@ -123,13 +123,12 @@ def test_the_sensor_takes_what_was_measured(pattern, tmp_path):
     assert again.gain == 2.0 and np.allclose(again.left_to_projector[:3, 3], -pattern.position_m)
 
 
-def test_one_distance_leaves_it_nominal_and_says_so(capture_path, tmp_path):
-    capture = read_capture(capture_path)
-
+def test_one_distance_leaves_it_nominal_and_says_so(capture_path, pattern, tmp_path, monkeypatch):
     def first_pose(root):
         root["frames"] = [frame for frame in root["frames"] if frame["repeat_group"] == 0]
 
-    pattern = calibrate_pattern(_copied(capture.path, tmp_path / "one", first_pose))
+    monkeypatch.setattr("activestereo.calibrate.pattern._wall_view", lambda *_: pattern.views[0])
+    pattern = calibrate_pattern(_copied(capture_path, tmp_path / "one", first_pose))
     assert pattern.position_m == pytest.approx(NOMINAL_POSITION_M) and pattern.position_error_m is None
     assert pattern.background is None and "NOT MEASURED" in pattern.summary()
     assert "NOMINAL" in pattern.summary() and "is nominal" in pattern.model().pattern.source
@@ -282,7 +281,7 @@ def test_bad_walls_are_refused_in_one_line(capture_path, tmp_path, capsys):
     bright = _copied(capture_path, tmp_path / "bright", lambda root: None)
     capture = read_capture(capture_path)
     for side in ("left", "right"):
-        for frame in capture.frames:
+        for frame in capture.frames[:12]:  # of the wall that is looked at first
             image = np.minimum(5.0 * capture.ir(frame, side), 255).astype(np.uint8)
             write_gray(bright / side / frame.path(side).name, image)
     assert "the wall saturates" in refused(["calibrate", "pattern", bright, "-o", out], capsys)

@@ -63,7 +63,8 @@ class Room:
             (folder / name).mkdir(parents=True)
         for k in range(len(self.turns_deg)):
             for side, offset in (("left", 0.0), ("right", BASELINE_M)):
-                depth, image = self._image(k, offset, pattern, waves)
+                seen = self._seen(k, offset, waves)
+                depth, image = seen[0], self._image(k, seen, pattern)
                 noise = rng.normal(0, 0.4, image.shape)
                 dn = np.rint(np.clip(image + noise, 0, 255)).astype(np.uint8)
                 cv2.imwrite(str(folder / side / f"{k:03d}.png"), dn)
@@ -80,19 +81,20 @@ class Room:
         rng = np.random.default_rng(self.seed)
         pattern, waves = _dots(rng), _waves(rng)
         states = [("off", k, Warm(power=0.0)) for k in range(off)] + [("on", k, w) for k, w in enumerate(warmth)]
+        seen = {side: self._seen(0, offset, waves, 2) for side, offset in (("left", 0.0), ("right", BASELINE_M))}
         for name, k, warm in states:
-            for side, offset in (("left", 0.0), ("right", BASELINE_M)):
+            for side in seen:
                 (folder / name / side).mkdir(parents=True, exist_ok=True)
-                fine = cv2.GaussianBlur(self._image(0, offset, pattern, waves, warm, 2)[1], (0, 0), 1.2)
-                moved = _moved(fine, warm.right_px if offset else 0.0, 1.0 + warm.growth)
+                fine = cv2.GaussianBlur(self._image(0, seen[side], pattern, warm), (0, 0), 1.2)
+                moved = _moved(fine, warm.right_px if side == "right" else 0.0, 1.0 + warm.growth)
                 image = cv2.resize(moved, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
                 dn = np.rint(np.clip(image + rng.normal(0, 0.4, image.shape), 0, 255)).astype(np.uint8)
                 cv2.imwrite(str(folder / name / side / f"{1000 * (WARM_UP_S + 75 * k)}.png"), dn)
         return folder
 
-    def _image(
-        self, k: int, offset: float, pattern: np.ndarray, waves: list, warm: Warm = Warm(), parts: int = 1
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _seen(self, k: int, offset: float, waves: list, parts: int = 1) -> tuple[np.ndarray, ...]:
+        """A view's depth, places from the projector, light of its room, what its surfaces send back of the dots, and
+        its lens."""
         pose = self.pose(k)
         v, u = (np.mgrid[0 : HEIGHT * parts, 0 : WIDTH * parts] + 0.5) / parts - 0.5
         ray = np.stack([(u - CX) / F, (v - CY) / F, np.ones_like(u)], axis=-1)
@@ -104,12 +106,17 @@ class Room:
         ray_p = here - PLACE_M
         distance = np.linalg.norm(ray_p, axis=-1)
         cosine = np.abs((ray_p * (normal @ pose[:3, :3])).sum(axis=-1)) / distance
+        lens = (1.0 + ((ray[..., :2]) ** 2).sum(axis=-1)) ** (-EXPONENT / 2)
+        return z, ray_p, room, albedo * cosine / distance**2, lens
+
+    def _image(self, k: int, seen: tuple[np.ndarray, ...], pattern: np.ndarray, warm: Warm = Warm()) -> np.ndarray:
+        _, ray_p, room, sent, lens = seen
+        distance = np.linalg.norm(ray_p, axis=-1)
         sine = ray_p / distance[..., None] / (1.0 + warm.pattern)
         tangent = sine[..., :2] / np.sqrt(1.0 - (sine[..., :2] ** 2).sum(axis=-1))[..., None]
         at = [(2 * F * tangent[..., i] + pattern.shape[1 - i] / 2).astype(np.float32) for i in (0, 1)]
-        lit = cv2.remap(pattern, *at, cv2.INTER_LINEAR) * self.dots_dn * warm.power * albedo * cosine / distance**2
-        lens = (1.0 + ((ray[..., :2]) ** 2).sum(axis=-1)) ** (-EXPONENT / 2)
-        return z, BLACK_DN + self.exposures[k] * lens * (room + lit)
+        lit = cv2.remap(pattern, *at, cv2.INTER_LINEAR) * self.dots_dn * warm.power * sent
+        return BLACK_DN + self.exposures[k] * lens * (room + lit)
 
     def _cast(self, origin: np.ndarray, ray: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(distance in units of the ray, normal, number of the surface)."""
