@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -77,7 +78,9 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
     parser = cli.Parser()
     import_capture.add_parser(parser.add_subparsers())
     options = parser.parse_args(["import", str(args.path), "--out", str(out), "--sensor", args.sensor])
-    options.run(options)
+    with redirect_stdout(StringIO()) as told:
+        options.run(options)
+    print(told.getvalue().split("\nnext:")[0])  # its next commands are of a folder that closing deletes
     return out
 
 
@@ -105,7 +108,14 @@ def make_server(args: argparse.Namespace, path: Path) -> Any:
             return SceneSource(path, device, sensor_config(args, model), model)
         return CaptureSource(pictures_capture(path, StereoDepthSensorConfig(args.sensor)), device)
 
-    calls = Routes(Library(path, make), effects, args.out).calls()
+    entries = Library(path, make)
+    if entries.names == ["."] and not is_scene(path):
+        cli.refuse(args, ("resolution",), "for scene files")
+        if is_capture(args.path) and args.sensor != "d435":
+            raise cli.CommandError(f"--sensor {args.sensor}: a capture has cameras of its own: leave it out")
+        if not is_capture(path):
+            cli.refuse(args, ("model",), "for captures and scene files, not where nothing is simulated")
+    calls = Routes(entries, effects, args.out).calls()
     try:
         return ViewServer(calls, args.port)
     except OSError as error:

@@ -223,11 +223,13 @@ def test_recordings_become_captures(tmp_path, write, name, frames, scale):
     assert left == {name, "capture"}, "nothing else stays"
 
 
-def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path):
+def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path, capsys):
     write_librealsense(tmp_path / "a.bag")
     args = make_parser().parse_args(["view", str(tmp_path / "a.bag")])
     with ExitStack() as stack:
         shown = shown_path(args, stack)
+        told = capsys.readouterr().out
+        assert "a: 2 frames" in told and "next:" not in told, "it names a folder that goes away"
         check(shown, 2, 0.0005, images(0))
         assert Library(shown, lambda path: path).names == ["."]
     assert not shown.exists()

@@ -365,6 +365,19 @@ def test_simulated_pairs_are_shown_with_the_cameras_that_took_them(tmp_path):
         assert matcher["noise_dn2_per_dn"] > 0 and "nominal" not in capture.name
 
 
+def test_options_that_what_is_shown_does_not_take_are_refused(tmp_path, capsys):
+    write_gray(tmp_path / "left.png", np.zeros((8, 8), np.uint8))
+    (tmp_path / "model.json").write_text('{"format": "active-stereo-model", "version": 2}')
+    for option, value, words in (
+        ("--resolution", "64x48", "--resolution is for scene files"),
+        ("--model", tmp_path / "model.json", "--model is for captures"),
+        ("--sensor", "d415", "a capture has cameras of its own"),
+    ):
+        assert words in refused(("view", tmp_path, "--device", "cpu", option, value), capsys)
+        if option == "--model":
+            (tmp_path / "capture.json").write_text("{}")
+
+
 def test_the_port_that_is_asked_for_is_taken_or_refused(server, tmp_path, capsys):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
