@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import kuafu
@@ -44,6 +45,12 @@ def test_a_machine_that_renders(device, capsys, tmp_path, monkeypatch):
     assert any(entry["usable"] for entry in found["devices"])
     assert Path(found["blas"]).is_file() and f"matrices: {found['blas']}" in said
     assert set(found["packages"]) >= {"cv2", "mujoco", "pxr"} and found["cache"]["used_bytes"] == 0
+
+
+def test_each_optional_package_has_its_extra():
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
+    assert set(doctor_module.PACKAGES.values()) <= set(project["optional-dependencies"])
+    assert {"mujoco", "trimesh"} <= set(doctor_module.PACKAGES)
 
 
 def test_a_slow_reference_of_matrix_products_is_told():
