@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from activestereo.capture.capture import SIDES, Frame
+from activestereo.capture.images import block_means
 from activestereo.common.computed_once import computed_once
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.common.shown import listed
@@ -33,6 +34,9 @@ _MUCH = 0.75
 _LEAST_DOTS = 1.0  # variance of the dots over the noise's, below which nothing is concluded
 # Repeats of this many times the squared error of the best of them, above 1 DN^2, show no single view.
 _FOREIGN = 2.0
+# Repeats that lie further apart, in pixels, or differ in a block's mean by more standard errors, are none. Nine
+# captures' repeats lie 0.007 px apart at most and differ by 4; grains of two pixels make that 8.
+_MOVED_PX, _BLOCK_PX, _CHANGED_SIGMA = 0.1, 16, 20.0
 _FULL = 0.5  # share of a camera's pixels at full scale beyond which a frame shows nothing
 _OTHER_UNIT = 2.0  # factor of the device's depth that no fault of a camera makes
 
@@ -154,6 +158,19 @@ def _fast(image: Image) -> NDArray[np.float64]:
     return value - gaussian_filter(value, _SLOW_PX)
 
 
+def _moved(first: Image, other: Image) -> tuple[float, float]:
+    """Returns (distance between two repeats to first order, px; largest change of a block's mean, standard errors).
+    Each row's common factor is taken out: lamps flicker by rows, and the laser's power varies."""
+    one, two = (np.asarray(image, np.float64) for image in (first, other))
+    mean, rest = 0.5 * (one + two), two - one
+    rest -= mean * ((rest * mean).sum(axis=1) / np.maximum((mean**2).sum(axis=1), 1e-12))[:, None]
+    slopes = np.stack(np.gradient(mean), axis=-1).reshape(-1, 2)
+    shift = np.linalg.lstsq(slopes, rest.ravel(), rcond=None)[0]
+    change = block_means(rest, _BLOCK_PX)
+    variance = np.maximum(block_means(rest**2, _BLOCK_PX) - change**2, ROUNDING_VARIANCE)
+    return float(np.hypot(*shift)), float(np.abs(change / np.sqrt(variance)).max(initial=0.0) * _BLOCK_PX)
+
+
 def scale_warnings(fit: Fit) -> list[str]:
     """Returns the warnings of scales that the fit set to 0, one line each."""
     words = {
@@ -177,10 +194,18 @@ def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
     scores = {frame["id"]: frame for frame in errors.by_frame()}
     for frames in (own for own in capture.repeats() if not {frame.id for frame in own} & set(full)):
         noise, least = scores[frames[0].id]["noise_floor_dn"], min(scores[frame.id]["rmse_dn"] for frame in frames)
+        pairs = [[errors.measured[f.id, side] for f in (frames[0], other)] for other in frames[1:] for side in SIDES]
+        moved, changed = np.max([_moved(*pair) for pair in pairs], axis=0)
         if noise is not None and noise**2 > _FOREIGN * least**2 + 1.0:
             told = f"vary by {noise:.1f} DN, but one of them differs from the model by {least:.1f} DN alone"
-            remedy = "they show no still view in steady light: set their repeat_group to null"
-            said.append(f"the frames of repeat_group {frames[0].repeat_group} {told}: {remedy}")
+        elif moved > _MOVED_PX:
+            told = f"lie {moved:.2g} px apart"
+        elif changed > _CHANGED_SIGMA:
+            told = f"differ in a place of {_BLOCK_PX}x{_BLOCK_PX} pixels by {changed:.0f} times their noise"
+        else:
+            continue
+        remedy = "they show no still view in steady light: set their repeat_group to null"
+        said.append(f"the frames of repeat_group {frames[0].repeat_group} {told}: {remedy}")
     ratios = [np.empty(0)]
     for frame in capture.frames:
         if (depth_m := capture.depth(frame)) is not None:

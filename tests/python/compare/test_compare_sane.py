@@ -2,6 +2,7 @@
 """A comparison says first what is another one than stated: pattern, scene, cameras, scales, rows."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 
@@ -145,6 +146,23 @@ def test_a_recording_that_is_not_as_stated_is_told(world, cache, path, change, w
     warnings, scores = warnings_of(path, world, cache)
     assert any(text.startswith(words) for text in warnings), warnings
     assert not any("nothing is missing" in text for text in what_is_missed(scores))
+
+
+def nudged(dn):
+    return 0.6 * dn + 0.4 * np.roll(dn, 1, axis=1)
+
+
+def dimmed_in_a_place(dn):
+    return dn * np.where(np.mgrid[:72, :128].max(axis=0) // 32 == 1, 0.6, 1.0)
+
+
+@pytest.mark.parametrize(("change", "words"), [(nudged, "lie 0.[2-6]"), (dimmed_in_a_place, "differ in a place")])
+def test_repeats_that_moved_or_changed_in_a_place_are_told(world, cache, path, change, words):
+    frame = read_capture(path).repeats()[0][1]
+    for side in ("left", "right"):
+        write_gray(frame.path(side), np.rint(change(read_gray(frame.path(side)).astype(float))).astype(np.uint8))
+    warnings, _ = warnings_of(path, world, cache)
+    assert len(warnings) == 1 and re.match(f"the frames of repeat_group 0 {words}", warnings[0])
 
 
 def test_a_pair_without_repeats_tells_its_noise(world, cache, path):
