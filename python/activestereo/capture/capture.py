@@ -28,6 +28,7 @@ from activestereo.common.shown import counted, shown
 
 FORMAT = "active-stereo-capture"
 VERSION = 1
+_WHAT_IT_IS = "; a capture is a folder with a capture.json"
 SIDES = ("left", "right")
 # The matcher's parameters that a capture's depth_engine may state.
 DEPTH_ENGINE = (
@@ -288,7 +289,9 @@ def read_capture(path: str | Path) -> Capture:
     folder = Path(path)
     if folder.name == "capture.json":
         folder = folder.parent
-    root = JsonObject.read(folder / "capture.json", "; a capture is a folder with a capture.json")
+    elif folder.is_file():
+        raise CaptureError(f"{folder}: is a file{_WHAT_IT_IS}")
+    root = JsonObject.read(folder / "capture.json", _WHAT_IT_IS)
     capture = capture_from(root)
     unknown: dict[str, list[str]] = {}  # a key that all frames have is told once
     for key in root.unknown_keys():
@@ -301,8 +304,7 @@ def read_capture(path: str | Path) -> Capture:
 
 def capture_from(root: JsonObject) -> Capture:
     """Makes the Capture from the content of a capture.json. Raises CaptureError as read_capture() does."""
-    if root.text("format") != FORMAT:
-        root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
+    root.check_format(FORMAT, _WHAT_IT_IS)
     if root.integer("version") != VERSION:
         root.fail("version", f"is {root.integer('version')}; this program reads version {VERSION}")
     rig = _read_rig(root.object("rig"))

@@ -43,7 +43,13 @@ class JsonObject:
         except OSError as error:
             raise CaptureError(f"{path}: cannot be read ({error.strerror}){remedy}") from error
         except ValueError as error:
-            raise CaptureError(str(error)) from error
+            raise CaptureError(f"{error}{remedy}") from error
+
+    def check_format(self, name: str, remedy: str) -> None:
+        """Raises CaptureError unless `format` is this name."""
+        found = self.text("format") if self.has("format") else None
+        if found != name:
+            self.fail("format", f"is {'missing' if found is None else shown(found)}, expected '{name}'{remedy}")
 
     def key(self, key: str) -> str:
         return f"{self.name}.{key}" if self.name else key

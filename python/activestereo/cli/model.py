@@ -90,12 +90,14 @@ def run_add(args: argparse.Namespace) -> None:
     given: dict[str, Quantity] = dict(known.parameters) if known else {}
     surfaces: tuple[str, ...] = known.surfaces if known else ()
     if args.diagnosis is not None:
+        if args.diagnosis.is_dir():
+            args.diagnosis /= "diagnose.json"
         try:
             diagnosis = read_json(args.diagnosis)
         except ValueError as error:
             raise cli.CommandError(f"{error}; a diagnose.json is asked for") from error
-        if not isinstance(diagnosis, dict):
-            raise cli.CommandError(f"{args.diagnosis}: not a diagnose.json: it holds no object")
+        if not isinstance(diagnosis, dict) or "ranking" not in diagnosis:
+            raise cli.CommandError(f"{args.diagnosis}: not a diagnose.json: it has no ranking")
         try:
             given, surfaces = found_effect(diagnosis, effect.id)
         except (TypeError, AttributeError, KeyError) as error:

@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError("--camera and --camera-to-world both state the pose: give one of them")
     model = read_sensor_model(args)
     view = None
-    if args.scene.is_dir():  # a capture: its scene, from its first frame's pose
+    if args.scene.is_dir() or args.scene.name == "capture.json":  # a capture: its scene, from its first frame's pose
         capture = read_capture(args.scene)
         args.scene, view = capture.scene_path, capture.frames[0]
     is_known = model is not None and {"projector_scale", "ambient_scale"} <= set(model.nuisances)

@@ -31,6 +31,7 @@ from activestereo.model.model import (
 
 FORMAT = "active-stereo-model"
 VERSION = 2
+_WHAT_IT_IS = "; a model is a model.json, which diagnose, calibrate or add writes"
 # The depth engine accepts no smaller images and no fewer bits.
 _IMAGE_SIDE = replace(SIDE, low=32)
 _BIT_DEPTH = replace(BITS, low=8)
@@ -41,9 +42,8 @@ _NOTES = ("simulated", "image_only", "unit")
 def read_model(path: str | Path, effects: dict[str, Effect] | None = None) -> SensorModel:
     """Reads a model file. effects: {id: Effect} that the file may name; None = the built-in ones. Raises ValueError
     with the fault."""
-    root = JsonObject.read(path)
-    if root.text("format") != FORMAT:
-        root.fail("format", f"is {root.text('format')!r}, expected {FORMAT!r}")
+    root = JsonObject.read(path, _WHAT_IT_IS)
+    root.check_format(FORMAT, _WHAT_IT_IS)
     version = root.integer("version")
     if not 1 <= version <= VERSION:
         root.fail("version", f"is {version}; this program reads versions 1 to {VERSION}")

@@ -58,7 +58,10 @@ def stored_sections(path: Path) -> dict[str, Any]:
     with the file if it is no model, has another version or a section of a wrong type."""
     if not path.exists():
         return {"format": FORMAT, "version": VERSION}
-    root = read_json_object(path)
+    try:
+        root = read_json_object(path)
+    except ValueError as error:
+        raise ValueError(f"{error}: give another file to -o") from error
     if root.get("format") != FORMAT:
         raise ValueError(f"{path}: format is not {FORMAT!r}: give another file to -o")
     if root.get("version") != VERSION:

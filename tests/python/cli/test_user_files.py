@@ -7,6 +7,7 @@ import errno
 import os
 import platform
 import random
+import re
 import struct
 import subprocess
 import warnings
@@ -21,6 +22,7 @@ from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_
 from activestereo.common.output_files import new_folder, write_text, written_together
 from activestereo.effects.core import load as plugin
 from activestereo.effects.core.load import load_plugin
+from activestereo.report.view.library import Library
 from command_line import run_here
 from PIL import Image
 
@@ -211,6 +213,36 @@ def test_parameters_from_a_file_that_is_no_diagnosis(run, tmp_path, text):
     (tmp_path / "other.json").write_text(text)
     one_line(run("add", "read_noise", "--from", tmp_path / "other.json", "-o", tmp_path / "model.json"))
     assert not (tmp_path / "model.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("compare MODEL -o out", "model.json: is a file; a capture is a folder"),
+        (
+            "compare CAPTURE --model CAPTURE/capture.json -o out",
+            "expected 'active-stereo-model'; a model is a model.json",
+        ),
+        ("compare CAPTURE --model CAPTURE/pattern.png -o out", "is no text in UTF-8: .*; a model is a model.json"),
+        ("compare CAPTURE --model CAPTURE -o out", "Is a directory.; a model is a model.json"),
+        ("diagnose CAPTURE --effects MODEL -o out", "--model takes a model.json"),
+        ("add vignetting --from MODEL -o out", "model.json: not a diagnose.json: it has no ranking"),
+        ("add vignetting --from CAPTURE -o out", "diagnose.json: No such file"),
+        ("calibrate noise CAPTURE -o CAPTURE/pattern.png", "give another file to -o"),
+        ("depth PICTURE PICTURE --calibration MODEL -o out", "image_width: is missing: ROS' camera_info"),
+    ],
+)
+def test_a_file_of_another_kind_is_told_with_the_kind_that_is_asked_for(run, lab_world, tmp_path, arguments, said):
+    model, capture = tmp_path / "model.json", lab_world.capture_path
+    model.write_text('{"format": "active-stereo-model", "version": 2, "effects": []}')
+    names = {"CAPTURE": str(capture), "MODEL": str(model), "PICTURE": str(capture / "left" / "000000.png")}
+    words = re.sub("|".join(names), lambda name: names[name.group()], arguments).split()
+    result = run(*words[:-1], tmp_path / words[-1])
+    assert result.returncode == 2 and re.search(said, result.stderr), result.stderr
+
+
+def test_a_captures_file_is_viewed_as_its_capture(lab_world):
+    assert Library(lab_world.capture_path / "capture.json", lambda path: path).names
 
 
 def test_help_into_a_closed_pipe(build):

@@ -268,6 +268,7 @@ def test_a_library_opens_what_it_lists_and_nothing_else(tmp_path):
     (folder / "scene.gltf").write_text("{}")
     (folder / "one" / "scene.gltf").write_text("{}")
     (folder / "link").symlink_to(outside)
+    (folder / "text").write_text("{}")
     library = Library(folder, lambda path: path)
     assert library.names == ["deeper/two", "one", "scene.gltf"]
     assert library.source("one") == folder / "one"
@@ -276,7 +277,7 @@ def test_a_library_opens_what_it_lists_and_nothing_else(tmp_path):
             library.source(name)
     assert Library(folder / "one", lambda path: path).names == ["."]
     with pytest.raises(ValueError, match="neither a capture"):
-        Library(folder / "deeper" / "two" / "capture.json", lambda path: path)
+        Library(folder / "text", lambda path: path)
     with pytest.raises(ValueError, match="no such file"):
         Library(folder / "nothing", lambda path: path)
 

@@ -120,6 +120,9 @@ class Entry:
         return given[:8] if len(given) >= 8 else np.pad(given, (0, 5 - len(given)))
 
 
+_READ = "ROS' camera_info, Kalibr's camchain or OpenCV's matrices are read"
+
+
 def read_entries(path: Path) -> list[Entry]:
     """Reads a YAML file's mappings, one for each document. Raises ValueError with the file and the fault."""
     mending = "apt-get install python3-yaml, or pip install pyyaml"
@@ -134,7 +137,7 @@ def read_entries(path: Path) -> list[Entry]:
     except (yaml.YAMLError, ValueError, OverflowError) as error:  # such as "\\UFFFFFFFF", which no character is
         raise ValueError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not found or not all(isinstance(document, dict) for document in found):
-        raise ValueError(f"{path}: has no mapping: ROS' camera_info, Kalibr's camchain or OpenCV's matrices are read")
+        raise ValueError(f"{path}: has no mapping: {_READ}")
     several = len(found) > 1
     return [Entry(f"{path} ({i + 1})" if several else str(path), document) for i, document in enumerate(found)]
 
@@ -199,6 +202,8 @@ def _ros(path: Path, entries: Sequence[Entry], are_rectified: bool, baseline_m: 
     # 3x4 projection P.
     cameras = []
     for entry in entries:
+        if not (entry.has("image_width") or entry.has("width")):
+            entry.fail("image_width", f"is missing: {_READ}")
         width, height = entry.side("image_width", "width"), entry.side("image_height", "height")
         K = _matrix(entry, entry.numbers((9,), PIXEL, "camera_matrix", "K", "k").reshape(3, 3), "camera_matrix")
         is_fisheye = entry.one_of(_ROS_MODELS, "distortion_model", default="plumb_bob") in _FISHEYE

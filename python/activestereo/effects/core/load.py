@@ -157,7 +157,9 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     try:
         found = _from_python(path) if path.suffix == ".py" else load_plugin(path)
     except OSError as error:
-        raise ValueError(f"{path}: neither a Python file nor a shared library that loads: {error}") from error
+        raise ValueError(
+            f"{path}: neither a Python file nor a shared library that loads: {error}; --model takes a model.json"
+        ) from error
     if not found:
         raise ValueError(f"{path}: holds no effect; make one with the decorator activestereo.effects.effect")
     effects: dict[str, Effect] = {}

@@ -37,6 +37,7 @@ class Library:
     def __init__(self, root: Path, make: Callable[[Path], Any]) -> None:
         if not root.exists():
             raise ValueError(f"{root}: there is no such file or folder")
+        root = root.parent if root.name == CAPTURE_FILE else root
         self.root, self._make = root, make
         self._open: dict[str, Any] = {}
         self._one_at_a_time = threading.Lock()
