@@ -320,9 +320,12 @@ def _name(space: ParameterSpace) -> str:
 def _side_by_side(
     fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
 ) -> dict[str, Refit]:
-    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes."""
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes, the
+    longest first: from the camera on, where effects redraw or blur finished images."""
     if fitter.memory is not None:
-        fitter.memory.make_ahead(fit, [space for space in spaces if fit_key("", space) is not None], workers)
+        cached = [space for space in spaces if fit_key("", space) is not None]
+        cached.sort(key=lambda space: space.pairs[-1][0].stage >= Stage.CAMERA, reverse=True)
+        fitter.memory.make_ahead(fit, cached, workers)
     return {_name(space): Refit(fit(space)) for space in spaces}
 
 
