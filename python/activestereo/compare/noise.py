@@ -18,12 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter1d
-from scipy.optimize import nnls
+from scipy.optimize import linprog, nnls
 from scipy.special import ndtr
 
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, repeat_keys
@@ -39,11 +38,13 @@ _BLACK_LEVELS = 33
 _CHI2_MARGIN = 4.0
 
 
-# Steps of digital numbers to try, and their phases.
-_STEPS_DN, _PHASES = np.arange(1.5, 32.01, 0.02), np.arange(8) / 8
-# A comb holds more than _COMB_SHARE of the pixels. Fewer than _LEAST_LEVELS used levels, or more than _MOST_USED of
-# all levels, are no comb. Steps wider than _SAME_STEP times the widest are the same step.
-_COMB_SHARE, _LEAST_LEVELS, _MOST_USED, _SAME_STEP = 0.995, 6, 0.7, 0.97
+# Steps of a comb, DN. A comb holds _COMB_SHARE of the pixels; fewer than _LEAST_LEVELS used levels, or more than
+# _MOST_USED of all levels, are no comb. The levels' spectrum is _FINER than their range needs. A step is tried where it
+# exceeds _LEAST_PEAK: rounding to whole numbers leaves sin(pi / step) / (pi / step) of a peak.
+_NARROWEST, _WIDEST, _COMB_SHARE, _LEAST_LEVELS, _MOST_USED = 1.5, 32.0, 0.995, 6, 0.7
+_FINER, _LEAST_PEAK = 8, 0.3
+# The rounding's variance in a bin is uncertain by this share.
+_UNEVEN = 0.2
 # Noise in steps, and terms of the Fourier series of rounding.
 _NOISE_STEPS, _TERMS = np.linspace(0.0, 1.0, 201), np.arange(1, 200)
 
@@ -93,17 +94,17 @@ class NoiseModel:
 
 @dataclass(frozen=True)
 class Comb:
-    """Describes digital numbers that occur only at multiples of a coarse step. steps_dn: the steps that explain them
-    nearly alike. levels: the values that occur, ascending. pixels: number of unclipped pixels."""
+    """Describes digital numbers that occur only at multiples of a coarse step. limits_dn: the least and the largest
+    step that explain them. levels: the values that occur, ascending. pixels: number of unclipped pixels."""
 
-    steps_dn: np.ndarray
+    limits_dn: tuple[float, float]
     levels: np.ndarray
     pixels: int
 
     @property
     def step_dn(self) -> float:
-        """Returns the mean of steps_dn, DN."""
-        return float(self.steps_dn.mean())
+        """The middle of limits_dn, DN."""
+        return sum(self.limits_dn) / 2.0
 
     def mean_error(self, image: np.ndarray, variance: np.ndarray) -> np.ndarray:
         """Returns the rounding's bias, DN [height][width]: each pixel's mean rounded value minus its expected value.
@@ -121,20 +122,33 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
     size = int(max_dn) + 1
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
     counts[0] = counts[-1] = 0  # clipped
-    used, total = np.nonzero(counts)[0], int(counts.sum())
-    if len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
+    total, order = int(counts.sum()), np.argsort(-counts, kind="stable")
+    used = np.sort(order[: 1 + np.searchsorted(np.cumsum(counts[order]), _COMB_SHARE * total)])
+    if total == 0 or len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
         return None
-    found: dict[float, np.ndarray] = {}
-    for step, phase in product(_STEPS_DN, _PHASES):
-        places = np.rint(step * (np.arange(size / step) + phase)).astype(int)
-        places = places[places < size]
-        if counts[places].sum() > _COMB_SHARE * total:
-            found[float(step)] = places
-    if not found:
-        return None
-    places = found[max(found)]
-    steps = np.array([step for step in found if step > _SAME_STEP * max(found)])
-    return Comb(steps, places[counts[places] > 0], total)
+    spectrum = np.fft.rfft(np.bincount(used, minlength=size) / len(used), _FINER * size)
+    peak, frequency = np.abs(spectrum), np.fft.rfftfreq(_FINER * size)
+    likely = np.flatnonzero((peak > _LEAST_PEAK) & (peak >= np.roll(peak, 1)) & (peak >= np.roll(peak, -1)))
+    # Of whole numbers, 1 - f is the same frequency as f.
+    steps = 1.0 / np.maximum(np.concatenate([frequency[likely], 1.0 - frequency[likely]]), 1e-12)
+    for step in sorted(steps[(steps >= _NARROWEST) & (steps <= _WIDEST)], reverse=True):
+        if (lines := _rounded_lines(used, step)) is not None:
+            (narrow, _), (wide, _), (middle, offset) = *lines, lines.mean(axis=0)
+            occurring = np.nonzero(counts)[0]
+            away = (occurring - offset + 0.5 * middle) % middle - 0.5 * middle
+            return Comb((narrow, wide), occurring[np.abs(away) < 0.51], total)
+    return None
+
+
+def _rounded_lines(levels: np.ndarray, step: float) -> np.ndarray | None:
+    """Returns the narrowest and the widest of all combs near `step` that round to the levels, [2] (step, offset); None
+    if there is none."""
+    turn = np.exp(2j * np.pi * levels / step).sum()
+    number = np.rint(levels / step - np.angle(turn) / (2.0 * np.pi))
+    line = np.stack([number, np.ones(len(levels))], axis=1)
+    within = {"A_ub": np.concatenate([line, -line]), "b_ub": np.concatenate([levels + 0.5, 0.5 - levels])}
+    found = [linprog([sign, 0.0], **within, bounds=(None, None)) for sign in (1.0, -1.0)]
+    return np.array([fit.x for fit in found]) if all(fit.success for fit in found) else None
 
 
 def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
@@ -231,6 +245,8 @@ def transfer_rows(entry: Repeats, max_dn: float, step_dn: float = 1.0) -> list[t
     around, size = (uniform_filter1d(x, _NEIGHBOURS, mode="nearest") for x in (variances * pixels, pixels))
     # Pixels that vary less than rounding does are clipped somewhere in the sensor: they must not count as exact.
     error = np.maximum(around / size, ROUNDING_VARIANCE) * np.sqrt(2.0 / ((count - 1) * pixels))
+    # Coarse steps round a bin's few means unequally.
+    error = np.hypot(error, _UNEVEN * ROUNDING_VARIANCE * (step_dn**2 - 1.0))
     return list(zip(gain, means, square, variances, 1.0 / error, strict=True))
 
 

@@ -87,8 +87,8 @@ def _comb(evidence: Evidence, effect: Effect, parameter: str) -> NoiseTerm:
     if comb is None:
         return NoiseTerm(effect, 0.0, 0.0, {parameter: (0.0, 0.0, 1.0)})
     step = comb.step_dn
-    limits = step, float(comb.steps_dn.min()) - 0.02, float(comb.steps_dn.max()) + 0.02
-    return NoiseTerm(effect, comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, {parameter: limits})
+    limits = {parameter: (step, *comb.limits_dn)}
+    return NoiseTerm(effect, comb.pixels * float(np.log(step)), step**2 * ROUNDING_VARIANCE, limits)
 
 
 def comb_in(evidence: Evidence) -> Comb | None:

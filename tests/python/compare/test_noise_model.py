@@ -61,6 +61,18 @@ def test_the_noise_of_coarse_steps_holds_all_of_their_rounding(step, noise):
     assert model.variance(value).mean() == pytest.approx(noise**2 + ROUNDING_VARIANCE * step**2, rel=0.05)
 
 
+def test_coarse_steps_hardly_pass_for_photons():
+    """Photons' noise grows with the gain, rounding's does not. Repeats at one gain tell them apart badly."""
+    rng, step = np.random.default_rng(0), 7.224
+    light = rng.gamma(1.2, 14.0, (240, 424)) + 1.0
+    sigma = np.hypot(1.0, 0.12 * light)
+    pair = [np.maximum(light + sigma * rng.standard_normal(light.shape), 0.0) for _ in range(2)]
+    first, second = (np.clip(np.rint(step * (np.floor(image / step) + 0.5)), 0, 255) for image in pair)
+    model = fit_noise_model(statistics_of(first, second), 8.0, 255, step)
+    truth = (sigma**2 + ROUNDING_VARIANCE * step**2).mean()
+    assert model.variance(light, gain=8.0).mean() < 3.5 * truth  # 6.0 if bins count as exact
+
+
 def test_the_mean_error_of_rounding_is_what_many_exposures_show():
     rng, step, noise = np.random.default_rng(6), 11.0, 2.0
     value = np.linspace(12.0, 200.0, 400)
@@ -70,6 +82,14 @@ def test_the_mean_error_of_rounding_is_what_many_exposures_show():
     said = comb.mean_error(value, np.full(400, noise**2 + ROUNDING_VARIANCE * step**2))
     assert said == pytest.approx(rounded.mean(axis=0) - value, abs=0.3)
     assert comb_of([rng.integers(0, 200, (50, 50))], 255) is None
+
+
+@pytest.mark.parametrize("step", np.geomspace(1.7, 20.0, 24).round(4))
+@pytest.mark.parametrize("phase", [0.0, 0.37, 0.5])
+def test_coarse_steps_of_any_width_and_offset_are_found(step, phase):
+    light = np.random.default_rng(7).gamma(2.0, 15.0, 60_000) + 5.0
+    comb = comb_of([np.clip(np.rint(step * (np.floor(light / step) + phase)), 0, 255)], 255)
+    assert comb.limits_dn[0] <= step <= comb.limits_dn[1] and comb.step_dn == pytest.approx(step, rel=0.02)
 
 
 # Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.
