@@ -123,11 +123,12 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
     counts[0] = counts[-1] = 0  # clipped
     total, order = int(counts.sum()), np.argsort(-counts, kind="stable")
-    used = np.sort(order[: 1 + np.searchsorted(np.cumsum(counts[order]), _COMB_SHARE * total)])
+    most = 1 + int(np.searchsorted(np.cumsum(counts[order]), _COMB_SHARE * total))
+    used = np.sort(order[:most])
     if total == 0 or len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
         return None
     spectrum = np.fft.rfft(np.bincount(used, minlength=size) / len(used), _FINER * size)
-    peak, frequency = np.abs(spectrum), np.fft.rfftfreq(_FINER * size)
+    peak, frequency = np.abs(spectrum), np.arange(len(spectrum)) / (_FINER * size)
     likely = np.flatnonzero((peak > _LEAST_PEAK) & (peak >= np.roll(peak, 1)) & (peak >= np.roll(peak, -1)))
     # Of whole numbers, 1 - f is the same frequency as f.
     steps = 1.0 / np.maximum(np.concatenate([frequency[likely], 1.0 - frequency[likely]]), 1e-12)

@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.credible_set import members_of, parted
-from activestereo.diagnose.dictionary import Atom, Dictionary, carried, columns_of, first_dictionary, numbered
+from activestereo.diagnose.dictionary import Atom, Dictionary, atoms_of, carried, columns_of, first_dictionary, numbered
 from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
 from activestereo.diagnose.fitter import RIG_AMPLITUDES, Fitter, ImageResidual, ParameterSpace, Solution
@@ -179,8 +179,8 @@ class Search:
         is_rough = self._structure > numbers.structure_kept
         lost = self._lost({e.family for e in formulas}, is_rough)
         if self._names:
-            again = [c.id for c in found.values() if _LINE_SHORT * c.gain > floor]
-            found = self._found_again(linear, [*tried, *others], [*again, *lost])
+            again = {*lost, *(c.id for c in found.values() if _LINE_SHORT * c.gain > floor)}
+            found = self._found_again(linear, [*tried, *others], again, is_rough)
         elif found:
             for text in own_ranks(found, self._chi2):
                 self._settings.says(text)
@@ -193,11 +193,8 @@ class Search:
         # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
         # images of one camera share. Outliers stand above it.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
-        fields = {
-            name: fit
-            for name, fit in fields.items()
-            if fit.explained * self._chi2 > drawn * self._pixels or is_sparse(self._effect(name))
-        }
+        stands_out = {n for n, fit in fields.items() if fit.explained * self._chi2 > drawn * self._pixels}
+        fields = {n: fit for n, fit in fields.items() if n in stands_out or is_sparse(self._effect(n))}
         by_draws = self._chi2 * max((fit.explained for fit in fields.values()), default=0.0)
         self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure))
         is_over = max(by_line, by_draws) < floor and not (is_rough and lost)
@@ -261,13 +258,16 @@ class Search:
                     found[name] = c
         return found
 
-    def _found_again(self, linear: Linear, atoms: Sequence[Atom], likely: Sequence[str]) -> dict[str, Candidate]:
-        """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light."""
-        some = numbered([atom for atom in atoms if atom.effect.id in likely])
-        if not some:
-            return {}
-        columns = columns_of(linear, some, self._settings.workers, self._settings.memory)
-        return candidates(some, scores(linear, columns), self._pixels)
+    def _found_again(
+        self, linear: Linear, atoms: Sequence[Atom], likely: set[str], is_rough: bool
+    ) -> dict[str, Candidate]:
+        """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light.
+        is_rough: whether structure is left; effects then propose trial points from it, likely or not."""
+        proposing = [e for e in self._effects if is_rough and e.starts is not None and self._is_open(e)]
+        made_with = self._settings.workers, self._settings.memory
+        kept = [a for a in atoms if a.effect.id in likely.difference(e.id for e in proposing)]
+        some = numbered([*kept, *atoms_of(linear, proposing, self._numbers.prior_reach, *made_with)])
+        return candidates(some, scores(linear, columns_of(linear, some, *made_with)), self._pixels) if some else {}
 
     def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
         """Fits each candidate alone beside the present model; returns {effect: Refit}."""

@@ -94,6 +94,20 @@ def test_an_effect_that_may_hide_in_what_a_formula_misses_joins_its_set(monkeypa
     assert names[1].members == {other.id: 1.0}
 
 
+@pytest.mark.parametrize("is_rough", [False, True])
+def test_effects_propose_trial_points_again_where_structure_is_left(monkeypatch, is_rough):
+    """A blur hides a second projector's dots until it is named."""
+    unit, likely = EFFECTS["second_projector"], EFFECTS["vignetting"]
+    parts = {"atoms_of": lambda _, some, *__: [Atom(e, {}, (), (), (), 0) for e in some], "columns_of": lambda *_: None}
+    parts |= {"scores": lambda *_: None, "candidates": lambda atoms, *_: [a.effect.id for a in atoms]}
+    for name, part in parts.items():
+        monkeypatch.setattr(f"activestereo.diagnose.search.{name}", part)
+    given = {"_effects": [unit, likely], "_is_open": bool, "_numbers": NUMBERS, "_pixels": 1}
+    search = SimpleNamespace(**given, _settings=SimpleNamespace(workers=1, memory=None))
+    found = Search._found_again(search, None, [Atom(likely, {}, (), (), (), 0)], {likely.id}, is_rough)
+    assert found == [likely.id, unit.id][: 1 + is_rough]
+
+
 @pytest.mark.parametrize(
     ("image", "draws", "takes_any"),
     [
