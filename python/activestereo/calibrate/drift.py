@@ -30,6 +30,7 @@ from activestereo.model import Quantity, SensorModel
 _EFFECTS = ("thermal_drift.cx_px_per_k", "thermal_drift.focal_per_k", "laser_power_drift.per_k")
 _GROWTH = "pattern_scale_drift.per_k"
 _FEWEST, _LEAST_K, _NAMED = 8, 3.0, 4.0
+_LEAST_ALIKE = 0.9  # correlation of a frame with the frames' mean; of one still view it is above 0.99
 _STEP_PX = 2  # between pixels that are used
 _READ_DN2, _SHOT_DN = 0.5, 0.05  # noise that weighs pixels
 _FULL = 0.95
@@ -94,7 +95,7 @@ class Drift:
 def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
     """Measures the Drift from a capture's frames. temperatures: CSV file of seconds, celsius, interpolated linearly;
     None: the frames' own temperatures. Raises ValueError for fewer than 8 frames with dots and a temperature, a range
-    below 3 kelvin, or no frame with the projector off."""
+    below 3 kelvin, no frame with the projector off, other exposures or other views."""
     capture = read_capture(folder)
     frames = _frames_with_temperature(capture, temperatures)
     lit = [f for f in frames if f.projector_power > 0.0]
@@ -108,6 +109,10 @@ def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
     if np.ptp(celsius) < _LEAST_K:
         told = f"frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
         raise ValueError(f"{folder}: {told}")
+    exposures = {f.exposure_s * f.gain for f in (*lit, *dark)}
+    if len(exposures) > 1:
+        told = f"exposures times gain of {min(exposures):g} to {max(exposures):g} s: record all frames at one"
+        raise ValueError(f"{folder}: the frames have {told}")
 
     def smooth(frame: Frame, side: str) -> Matrix:
         return np.asarray(gaussian_filter(capture.ir(frame, side).astype(float), _SMOOTH_PX))
@@ -119,6 +124,10 @@ def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
     names, columns, weight = _columns(capture, lit[0], layers)
     mean = np.concatenate([_picked(layers[side][0] + layers[side][1]) for side in SIDES])
     pixels = [np.concatenate([_picked(smooth(frame, side)) for side in SIDES]) for frame in lit]
+    for frame, own in zip(lit, pixels, strict=True):
+        if (alike := float(np.corrcoef(own, mean)[0, 1])) < _LEAST_ALIKE:
+            told = f"frame {frame.id} correlates with the frames' mean by {alike:.2f} only, {_LEAST_ALIKE} is needed"
+            raise ValueError(f"{folder}: {told}: give frames of one still view")
     changes = np.stack(pixels) - mean
     weighted = columns * weight
     square = weighted @ columns.T

@@ -56,7 +56,9 @@ def _stacked(files: list[Path], key: str) -> np.ndarray:
     kinds = [f"{image.shape[1]}x{image.shape[0]} {image.dtype}" for image in images]
     for file, kind in zip(files, kinds, strict=True):
         if kind != kinds[0]:
-            raise ValueError(f"{file}: is {kind}, {files[0].name} is {kinds[0]}")
+            raise ValueError(
+                f"{file}: is {kind}, {files[0].name} is {kinds[0]}: give one stream alone, or import a capture"
+            )
     return np.stack(images)
 
 

@@ -17,6 +17,7 @@ from command_line import led_on
 from room_worlds import BASELINE_M, CX, CY, F, WARM_UP_S, Room, Warm
 
 _FRAMES, _KELVIN = 8, 12.0
+_WARM = lambda frame: {"temperature_c": 27.0 + frame["id"]}  # noqa: E731
 CELSIUS = 27.0 + _KELVIN * (1.0 - np.exp(-np.arange(_FRAMES) / 3.0))
 
 
@@ -73,6 +74,13 @@ def test_import_sends_a_warm_up_to_calibrate_drift(drawn):
     [
         (lambda frames: [f for f in frames if f["projector_power"] > 0], "no frame has the projector off"),
         (lambda frames: [f | {"temperature_c": 30.0} for f in frames], "frames span 0 K"),
+        (lambda frames: [f | _WARM(f) | {"exposure_s": 0.008 / (1 + f["id"] % 2)} for f in frames], "0.004 to 0.008 s"),
+        (
+            lambda frames: [
+                f | _WARM(f) | ({"left": f["right"], "right": f["left"]} if f["id"] == 5 else {}) for f in frames
+            ],
+            "still view",
+        ),
         (lambda frames: [f | {"temperature_c": None} for f in frames], "0 frames with dots have a temperature"),
     ],
 )
