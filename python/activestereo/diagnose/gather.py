@@ -50,6 +50,10 @@ def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Ge
     geometry = geometry or Geometry.as_stated(capture)
     measured_images = _measured_images(capture, layers, seed)
     train = [s for s in measured_images if s.frame.split == "train"]
+    blind = {s.side for s in train} - {s.side for s in train if (s.view.depth_m > 0.0).any()}
+    if blind:
+        told = f"the {' and the '.join(sorted(blind))} camera sees no surface of the scene in any train frame"
+        raise ValueError(f"{capture.path}: {told}: check camera_to_world, and the scene's place and units")
     seen = [(s.frame, s.layers, s.where_known()) for s in train]
     nuisances = fit_nuisances(seen, capture.rig.max_dn, capture.rig.black_dn).nuisances
     predicted = _predicted(train, nuisances)

@@ -73,6 +73,16 @@ def test_what_a_mask_hides_counts_nowhere(world, tmp_path):
     assert spoiled[2].sums.total == pytest.approx(clean[2].sums.total, rel=0.03)
 
 
+def test_a_scene_that_no_camera_sees_is_refused(world, tmp_path):
+    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+    content = json.loads((path / "capture.json").read_text())
+    for frame in content["frames"]:
+        frame["camera_to_world"][3] += 500.0
+    (path / "capture.json").write_text(json.dumps(content))
+    with pytest.raises(ValueError, match="the left and the right camera sees no surface"):
+        fitted(world, path, tmp_path)
+
+
 def test_a_measured_black_level_is_held_and_its_deviation_told(world, tmp_path):
     path = shutil.copytree(world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
