@@ -209,6 +209,8 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
             assumed.append(f"depth is in steps of {depth_scale:g} m, a D400's usual ones: --depth-scale tells others")
     if args.swap:
         files = swapped(files)
+    if not args.exposure:
+        assumed.append("all frames have an exposure of 0.008 s: --exposure tells theirs")
     exposures = args.exposure or [0.008]
     if len(exposures) not in (1, len(files)):
         raise cli.CommandError(f"--exposure: has {len(exposures)} times for {len(files)} frames: give one, or each")

@@ -35,9 +35,10 @@ def _arguments(recording, *more):
     return ["import", str(recording), "--calibration", str(recording.parent / "d435.txt"), "--out", str(out), *more]
 
 
-def test_a_recording_becomes_a_capture(recording):
-    assert main(_arguments(recording, "--exposure", "0.004,0.002,0.004")) == 0
+def test_a_recording_becomes_a_capture(recording, capsys):
+    assert main(_arguments(recording, "--verbose", "--exposure", "0.004,0.002,0.004")) == 0
     capture = read_capture(recording.parent / "capture")
+    assert "exposure of 0.008" not in capsys.readouterr().out
     assert len(capture.frames) == 3 and {frame.repeat_group for frame in capture.frames} == {0}
     assert capture.rig.baseline_m == pytest.approx(0.0499585680663586) and capture.rig.left_to_right[0, 3] < 0
     assert np.array_equal(capture.rig.right.K, [[43.0, 0, 32.1], [0, 43.5, 24.2], [0, 0, 1]])
@@ -95,7 +96,8 @@ def test_frames_are_repeats_where_their_pictures_lie_on_each_other(recording, tm
     capture = read_capture(tmp_path / "capture")
     assert tuple(frame.repeat_group for frame in capture.frames) == groups
     views = len({*groups} - {None}) + groups.count(None)
-    assert f"here are {len(steps)} frames of {views} views" in " ".join(capsys.readouterr().out.split())
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"here are {len(steps)} frames of {views} views" in said and "exposure of 0.008 s" in said
 
 
 @pytest.mark.parametrize(("sensor", "x_m"), [("d415", 0.029), ("d455", 0.047), ("d435", 0.0291)])
