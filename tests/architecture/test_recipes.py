@@ -45,7 +45,7 @@ doc = "The light is multiplied by 10^-neutral_density."
              "  if (takes(optics_vignetting) &&")],
         "kuafu/shaders/stage/optics.glsl": [
             ("void optics(uint i) {", """void neutral_density(uint pixel) {
-  float factor = pow(10.0f, -optics_of(pixel).neutral_density);
+  float factor = pow(10.0f, -push.optics.at[pixel / pixels_per_view()].neutral_density);
   for (uint c = 0u; c < push.channels; ++c) push.to.at[pixel * push.channels + c] *= factor;
 }
 
@@ -81,7 +81,7 @@ KUAFU_API ks_status kuafu_scene_add_light(""")],
             ("ks_status kuafu_scene_add_light(", """\
 const char* kuafu_scene_light_name(kuafu_scene scene, uint32_t id) {
   const char* name = nullptr;
-  (void)ks::call([&] { name = live(scene_of(scene).lights(), "light", id).name.c_str(); });
+  (void)ks::call([&] { name = kuafu::there(scene_of(scene).lights(), "light", index_of(id)).name.c_str(); });
   return name;
 }
 
