@@ -37,6 +37,9 @@ _FOREIGN = 2.0
 # Repeats that lie further apart, in pixels, or differ in a block's mean by more standard errors, are none. Nine
 # captures' repeats lie 0.007 px apart at most and differ by 4; grains of two pixels make that 8.
 _MOVED_PX, _BLOCK_PX, _CHANGED_SIGMA = 0.1, 16, 20.0
+# Frames that differ by less than this factor, or as light^0.6 to light^2.7 does at another exposure, have the exposures
+# that are stated. Nine captures' frames differ by 1.07, and by 1.22 at half the exposure under light^0.75.
+_BRIGHTER, _BENDS = 1.4, np.array([-0.4, 1.7])
 _FULL = 0.5  # share of a camera's pixels at full scale beyond which a frame shows nothing
 _OTHER_UNIT = 2.0  # factor of the device's depth that no fault of a camera makes
 
@@ -183,6 +186,42 @@ def scale_warnings(fit: Fit) -> list[str]:
     return [words[name] for name in fit.at_bound]
 
 
+def _exposure_warnings(errors: ImageErrors) -> list[str]:
+    """Returns a warning of the still frames whose dots and level are both another multiple of the model's than those of
+    the frame that is nearest in exposure, among those with the usual multiple. A response may be bent. Frames of one
+    projector power are compared."""
+    black_dn, said = errors.fit.nuisances.black_dn, []
+    still = [f for f in errors.capture.frames if f.projector_power > 0 and not f.is_moving]
+    for power in sorted({f.projector_power for f in still}):
+        rows = []
+        for frame in (f for f in still if f.projector_power == power):
+            key = frame.id, "left"
+            measured, expected = (np.asarray(x[key], np.float64) for x in (errors.measured, errors.predictions))
+            noise = 0.0 if errors.noise_model is None else errors.noise_model.mean_variance(measured, frame.gain)
+            inside = measured < errors.capture.rig.max_dn - 1
+            if (known := errors.views[key].known) is not None:
+                inside &= known
+            dots, lit = (_fast(image)[inside].var() if inside.any() else 0.0 for image in (measured, expected))
+            if lit > 0.0 and dots - noise > _LEAST_DOTS * max(noise, ROUNDING_VARIANCE):
+                level, due = (float((image[inside] - black_dn).mean()) for image in (measured, expected))
+                rows.append((np.sqrt((dots - noise) / lit), max(level, 0.0) / max(due, 1e-9), frame))
+        middle = float(np.median([dots for dots, *_ in rows])) if rows else 1.0
+        alike = [row for row in rows if 1.0 / _BRIGHTER < row[0] / middle < _BRIGHTER]
+        alike.sort(key=lambda row: abs(np.log(row[0] / middle)))
+        found: dict[int, float] = {}
+        for dots, level, frame in rows if alike else ():
+            near = min(alike, key=lambda row: abs(np.log(frame.exposure_gain / row[2].exposure_gain)))
+            bends = _BENDS * np.log(frame.exposure_gain / near[2].exposure_gain)
+            ratios = dots / near[0], level / max(near[1], 1e-9)
+            if min(ratios) > _BRIGHTER * np.exp(max(bends)) or max(ratios) < np.exp(min(bends)) / _BRIGHTER:
+                found[frame.id] = ratios[0]
+        if found:
+            told = f"its dots are {np.median(list(found.values())):.2g} times as bright as its exposure_s and gain say"
+            remedy = "beside the other frames: correct these, or leave it out"
+            said.append(f"frame {listed([*map(str, sorted(found))])}: {told}, {remedy}")
+    return said
+
+
 def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
     """Returns the warnings of a mismatch, of frames at full scale, of repeats that are none, and of depth in another
     unit, one line each."""
@@ -206,6 +245,8 @@ def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
             continue
         remedy = "they show no still view in steady light: set their repeat_group to null"
         said.append(f"the frames of repeat_group {frames[0].repeat_group} {told}: {remedy}")
+    if not (match.has_wrong_geometry or capture.uncertainty.exposure):  # which is a light's, or fitted
+        said += _exposure_warnings(errors)
     ratios = [np.empty(0)]
     for frame in capture.frames:
         if (depth_m := capture.depth(frame)) is not None:

@@ -148,6 +148,16 @@ def test_a_recording_that_is_not_as_stated_is_told(world, cache, path, change, w
     assert not any("nothing is missing" in text for text in what_is_missed(scores))
 
 
+@pytest.mark.parametrize(("factor", "words"), [(2.0, "0.5 times"), (0.5, "2 times")])
+def test_frames_of_another_exposure_than_stated_are_told(world, cache, path, factor, words):
+    content = json.loads((path / "capture.json").read_text())
+    for frame in content["frames"][2:4]:
+        frame["exposure_s"] *= factor
+    (path / "capture.json").write_text(json.dumps(content))
+    warnings, _ = warnings_of(path, world, cache)
+    assert any(re.match(f"frame 2 and 3: its dots are {words}", text) for text in warnings), warnings
+
+
 def nudged(dn):
     return 0.6 * dn + 0.4 * np.roll(dn, 1, axis=1)
 
