@@ -80,6 +80,24 @@ def lab_world(run_folder):
 
 
 @pytest.fixture(scope="session")
+def wide_world(run_folder):
+    """The same in images large enough to match, of 9 rays a pixel."""
+    from virtual_sensor.world import make_world
+
+    make = lambda: make_world(run_folder / "wide_world", size=(160, 90), grid=3)  # noqa: E731
+    return made_once(run_folder / "wide_world.pickle", make)
+
+
+@pytest.fixture(scope="session")
+def depth_capture(run_folder, wide_world):
+    """The capture of wide_world by a device that measures depth."""
+    from lab_worlds import with_device_depth
+
+    make = lambda: with_device_depth(wide_world, run_folder / "depth_capture", ids=(0, 2, 4))  # noqa: E731
+    return made_once(run_folder / "depth_capture.pickle", make)
+
+
+@pytest.fixture(scope="session")
 def lab_cache(run_folder):
     """Renders that every test of this run may take."""
     from activestereo.compare.cache import LayerCache
@@ -88,11 +106,12 @@ def lab_cache(run_folder):
 
 
 @pytest.fixture(scope="session")
-def ball_comparison(run_folder):
+def ball_comparison(run_folder, wide_world, depth_capture):
     """A lab Comparison with much to explain: see report_worlds.py."""
     from report_worlds import make_ball_comparison
 
-    return made_once(run_folder / "ball.pickle", lambda: make_ball_comparison(run_folder / "ball"))
+    make = lambda: make_ball_comparison(wide_world, depth_capture, run_folder / "ball")  # noqa: E731
+    return made_once(run_folder / "ball.pickle", make)
 
 
 @pytest.fixture

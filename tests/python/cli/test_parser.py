@@ -2,6 +2,7 @@
 """Words of the command line: options, help, screens."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,8 +17,6 @@ from activestereo.common.accuracy import NOTHING, Accuracy
 from activestereo.common.own_files import outside_allowed
 from activestereo.report.screen import Figure, command, screen
 from command_line import leaves, led_on, refused, run_here
-from lab_worlds import with_device_depth
-from virtual_sensor.world import make_world
 
 PAGE = Path(__file__).resolve().parents[3] / "examples/guide/command_line.md"
 
@@ -120,13 +119,13 @@ _RIG = ("--k", "80,80,79.5,44.5", "--baseline", "0.05")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
+def files(tmp_path_factory, depth_capture):
     """A pair of random dots 8 px apart in left.png and right.png, a capture, and a place for results."""
     folder, rng = tmp_path_factory.mktemp("screens"), np.random.default_rng(0)
     dots = np.where(rng.random((90, 168)) < 0.1, 200, 30).astype(np.uint8) + rng.integers(0, 9, (90, 168), np.uint8)
     write_gray(folder / "left.png", dots[:, :160])
     write_gray(folder / "right.png", dots[:, 8:])
-    with_device_depth(make_world(folder / "world", size=(160, 90), grid=1), folder / "table", ids=(0, 2))
+    shutil.copytree(depth_capture, folder / "table")
     return folder
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every command that a command's end gives to paste runs as it stands, and leads on in its turn."""
 
+import shutil
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -11,9 +13,7 @@ from activestereo.cli import simulate
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from command_line import led_on, run_here
-from lab_worlds import with_device_depth
 from room_worlds import BASELINE_M, CX, CY, F, Room
-from virtual_sensor.world import make_world
 
 _QUICK = ("--device", "cpu", "--spp", "1")
 _CLEAR = ("--device", "cpu", "--spp", "64")  # a diagnosis with fewer takes the renderer's noise for an effect
@@ -27,8 +27,8 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def capture(folder):
-    return with_device_depth(make_world(folder / "world", size=(160, 90), grid=3), folder / "table", ids=(0, 2, 4))
+def capture(folder, depth_capture):
+    return shutil.copytree(depth_capture, folder / "table")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def scene(folder):
 
 @pytest.fixture(autouse=True)
 def rough_pictures(monkeypatch):
-    """A sample a pixel is enough here, whatever the words say: simulate has tests of its own for its pictures."""
+    """A sample a pixel is enough here, whatever the words say, and no charts: both have tests of their own."""
 
     def with_one_sample(*given):
         config = simulate_config(*given)
@@ -50,6 +50,8 @@ def rough_pictures(monkeypatch):
 
     simulate_config = simulate.make_config
     monkeypatch.setattr(simulate, "make_config", with_one_sample)
+    for module in ("comparison", "first_screen"):
+        monkeypatch.setattr(f"activestereo.report.{module}.chart", lambda figure, alt: alt)
 
 
 @pytest.fixture

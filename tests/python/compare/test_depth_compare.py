@@ -14,12 +14,6 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthFrame, DepthModel, depth_scores, expose
 from activestereo.compare.noise import NoiseModel
-from virtual_sensor.world import make_world
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=3)
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +21,8 @@ def layers(tmp_path_factory):
     return LayerCache(tmp_path_factory.mktemp("cache"))
 
 
-def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
-    copy = with_device_depth(world, tmp_path / "capture", ids=(0, 2, 4))
-    scores = compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers).scores
+def test_a_device_that_is_the_model_is_at_the_floor(wide_world, depth_capture, layers):
+    scores = compare(depth_capture, renderer=WorldRenderer(wide_world, grid=2), cache=layers).scores
     for split in ("train", "test"):
         depth = scores["depth"][split]
         assert depth["fill_measured"] > 0.6
@@ -41,10 +34,10 @@ def test_a_device_that_is_the_model_is_at_the_floor(world, layers, tmp_path):
         assert depth["truth"]["measured"]["median_abs_px"] < 0.25
 
 
-def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
+def test_a_stretched_device_shows_its_bias(wide_world, layers, tmp_path):
     def compared(stretch):
-        copy = with_device_depth(world, tmp_path / str(stretch), ids=(0, 4), stretch=stretch)
-        return compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers)
+        copy = with_device_depth(wide_world, tmp_path / str(stretch), ids=(0, 4), stretch=stretch)
+        return compare(copy, renderer=WorldRenderer(wide_world, grid=2), cache=layers)
 
     plain, stretched = compared(1.0), compared(1.04)
     for split in ("train", "test"):
@@ -54,9 +47,9 @@ def test_a_stretched_device_shows_its_bias(world, layers, tmp_path):
         assert shift == pytest.approx(0.04 * np.mean(both), rel=0.02)
 
 
-def test_repeated_device_frames_give_the_floor(world, layers, tmp_path):
-    copy = with_device_depth(world, tmp_path / "capture", ids=(0, 1))
-    comparison = compare(copy, renderer=WorldRenderer(world, grid=3), cache=layers)
+def test_repeated_device_frames_give_the_floor(wide_world, layers, tmp_path):
+    copy = with_device_depth(wide_world, tmp_path / "capture", ids=(0, 1))
+    comparison = compare(copy, renderer=WorldRenderer(wide_world, grid=2), cache=layers)
     a, b = comparison.depths
     error, both = a.disparity_error(a.measured, b.measured)
     depth = comparison.scores["depth"]["train"]
@@ -65,8 +58,8 @@ def test_repeated_device_frames_give_the_floor(world, layers, tmp_path):
     assert "test" not in comparison.scores["depth"]
 
 
-def test_without_device_depth_there_are_no_depth_scores(world, layers):
-    scores = compare(world.capture_path, renderer=WorldRenderer(world, grid=3), cache=layers).scores
+def test_without_device_depth_there_are_no_depth_scores(wide_world, layers):
+    scores = compare(wide_world.capture_path, renderer=WorldRenderer(wide_world, grid=2), cache=layers).scores
     assert scores["depth"] == {}
     assert {t["channel"] for t in scores["where"]} == {"infrared"}
 
@@ -88,8 +81,8 @@ def test_figures_by_hand():
     assert depth["rmse_px"] is None and depth["validity_iou"] == 0.0 and depth["fill_model"] == 0.0
 
 
-def test_hints_are_followed_where_they_can_be(world):
-    capture = read_capture(world.capture_path)
+def test_hints_are_followed_where_they_can_be(wide_world):
+    capture = read_capture(wide_world.capture_path)
     hints = {"max_disparity": 16, "census_width": 9, "notes": "SGM", "p1": None}
     good = DepthModel(replace(capture, depth_engine=hints)).parameters
     assert good["max_disparity"] == 16 and good["census_width"] == 9 and "p1" not in good

@@ -23,14 +23,8 @@ from activestereo.effects.core.laws import example_view
 from activestereo.effects.core.view import Layers
 from activestereo.scene_io.gltf_writer import GltfWriter
 from lab_worlds import WorldRenderer
-from virtual_sensor.world import make_world
 
 HIDDEN = np.s_[20:70, 90:150]
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory):
-    return make_world(tmp_path_factory.mktemp("world"), size=(160, 90), grid=2, bounces=1)
 
 
 def masked(world, folder, spoiled):
@@ -60,9 +54,9 @@ def fitted(world, path, tmp_path):
     return evidence, fitter, fitter.refine(space, space.start, fitter.phi0(evidence.nuisances), 4)
 
 
-def test_what_a_mask_hides_counts_nowhere(world, tmp_path):
-    clean = fitted(world, masked(world, tmp_path / "clean", spoiled=False), tmp_path)
-    spoiled = fitted(world, masked(world, tmp_path / "spoiled", spoiled=True), tmp_path)
+def test_what_a_mask_hides_counts_nowhere(wide_world, tmp_path):
+    clean = fitted(wide_world, masked(wide_world, tmp_path / "clean", spoiled=False), tmp_path)
+    spoiled = fitted(wide_world, masked(wide_world, tmp_path / "spoiled", spoiled=True), tmp_path)
     count = 160 * 90 - 50 * 60
     for evidence, fitter, solution in (clean, spoiled):
         assert evidence.pixels == fitter.tile_pixels().sum() == count * len(evidence.train)
@@ -73,24 +67,24 @@ def test_what_a_mask_hides_counts_nowhere(world, tmp_path):
     assert spoiled[2].sums.total == pytest.approx(clean[2].sums.total, rel=0.03)
 
 
-def test_a_scene_that_no_camera_sees_is_refused(world, tmp_path):
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+def test_a_scene_that_no_camera_sees_is_refused(wide_world, tmp_path):
+    path = shutil.copytree(wide_world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
     for frame in content["frames"]:
         frame["camera_to_world"][3] += 500.0
     (path / "capture.json").write_text(json.dumps(content))
     with pytest.raises(ValueError, match="the left and the right camera sees no surface"):
-        fitted(world, path, tmp_path)
+        fitted(wide_world, path, tmp_path)
 
 
-def test_a_measured_black_level_is_held_and_its_deviation_told(world, tmp_path):
-    path = shutil.copytree(world.capture_path, tmp_path / "capture")
+def test_a_measured_black_level_is_held_and_its_deviation_told(wide_world, tmp_path):
+    path = shutil.copytree(wide_world.capture_path, tmp_path / "capture")
     content = json.loads((path / "capture.json").read_text())
     found = []
     for black in (None, [3.0, 0.2], [3.0, 0.8]):
         content["rig"] |= {} if black is None else {"black_dn": black}
         (path / "capture.json").write_text(json.dumps(content))
-        evidence, fitter, solution = fitted(world, path, tmp_path)
+        evidence, fitter, solution = fitted(wide_world, path, tmp_path)
         found.append((evidence.nuisances.black_dn, solution.phi[2], fitter.covariance(solution)[0, 0]))
     assert abs(found[0][1] - 3.0) > 0.2
     for first, last, _ in found[1:]:

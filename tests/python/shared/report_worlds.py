@@ -12,8 +12,8 @@ from PIL import Image
 
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, compare
-from lab_worlds import WorldRenderer, with_device_depth
-from virtual_sensor.world import make_world
+from lab_worlds import WorldRenderer
+from virtual_sensor.world import World
 
 DIAGNOSIS = {
     "verdict": "effect",
@@ -48,12 +48,10 @@ DIAGNOSIS = {
 WITH_MODEL = DIAGNOSIS | {"model": {"effects": [{"id": "radial_distortion", "parameters": {"k1": -0.0085}}]}}
 
 
-def make_ball_comparison(folder: Path) -> Comparison:
-    """A model that lacks the ball, on a world with device depth."""
-    world = make_world(folder / "world", size=(160, 90), grid=3)
-    capture = with_device_depth(world, folder / "capture", ids=(0, 2, 4))
+def make_ball_comparison(world: World, capture: Path, folder: Path) -> Comparison:
+    """A model that lacks the ball, on a world with device depth. folder: of the renders."""
     wrong = replace(world, solids=tuple(s for s in world.solids if s.name != "ball"))
-    return compare(capture, renderer=WorldRenderer(wrong, grid=2), cache=LayerCache(folder / "cache"))
+    return compare(capture, renderer=WorldRenderer(wrong, grid=2), cache=LayerCache(folder))
 
 
 def decoded(layer: dict) -> np.ndarray:
