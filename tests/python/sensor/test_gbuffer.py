@@ -2,6 +2,7 @@
 """GBufferStereo: the path tracer as the truth, environments, causes, and bad input."""
 
 import sys
+from functools import cache
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -20,11 +21,27 @@ from sensor_scenes import light_of, with_depth
 FACING = np.array([0.0, 0.0, -1.0])
 
 
-@pytest.fixture
-def config():
+def small():
     config = StereoDepthSensorConfig("D435").resized(160, 120)
     config.ir_exposure_mode = "fixed"
     return config
+
+
+@pytest.fixture
+def config():
+    return small()
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A function: the sensor of small() of that many environments. Software renderers compile for a second each."""
+    return cache(lambda environments: GBufferStereo(small(), environments))
+
+
+@pytest.fixture
+def sensor(made, config):
+    made(1).restart(config.noise_seed)
+    return made(1)
 
 
 def wall(config, depth_m, environments=1):
@@ -52,12 +69,12 @@ def test_depth_of_walls_is_right_in_every_environment_and_again_under_the_same_s
         np.testing.assert_array_equal(image, again[name], err_msg=name)
 
 
-def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config):
-    given = wall(config, [0.4, 0.7], 2)
-    first, second = (GBufferStereo(config, environments=2) for _ in range(2))
+def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config, made):
+    given, first = wall(config, [0.4, 0.7], 2), made(2)
     first.restart([5, 9])
-    second.restart([9, 5])
-    outs = first(**given), second(**{name: image[::-1] for name, image in given.items()})
+    outs = [first(**given)]
+    first.restart([9, 5])
+    outs.append(first(**{name: image[::-1] for name, image in given.items()}))
     for name, image in outs[0].items():
         np.testing.assert_array_equal(image, outs[1][name][::-1], err_msg=name)
     first.restart([5, 6])
@@ -69,8 +86,8 @@ def test_an_environment_has_the_same_bits_at_any_place_under_its_seed(config):
 
 
 @pytest.mark.parametrize("seed", [np.int64(5), np.uint8(5), np.array(5), [5], (np.int64(5),), np.array([5])])
-def test_a_seed_of_numpy_is_a_seed(config, seed):
-    given, sensor, found = wall(config, 0.6), GBufferStereo(config), []
+def test_a_seed_of_numpy_is_a_seed(config, sensor, seed):
+    given, found = wall(config, 0.6), []
     for one in (5, seed):
         sensor.restart(one)
         found.append(sensor(**given, outputs=("ir_left",))["ir_left"])
@@ -85,15 +102,15 @@ def test_a_seed_that_is_none_is_told_with_seeds_that_are(config, seed):
 
 
 @pytest.mark.parametrize("right", [3, "depth", np.zeros((1, 120, 160)), [np.zeros((1, 120, 160))]])
-def test_images_of_the_right_camera_are_a_mapping(config, right):
+def test_images_of_the_right_camera_are_a_mapping(config, sensor, right):
     with pytest.raises(ValueError, match="right is .*, expected a mapping of its images: depth"):
-        GBufferStereo(config)(**wall(config, 0.6), right=right)
+        sensor(**wall(config, 0.6), right=right)
 
 
-def test_a_misspelt_right_image_is_refused(config):
+def test_a_misspelt_right_image_is_refused(config, sensor):
     given = wall(config, 0.6)
     with pytest.raises(ValueError, match="unknown right image 'normals' .*did you mean 'normal'"):
-        GBufferStereo(config)(**given, right=given | {"normals": given["depth"]})
+        sensor(**given, right=given | {"normals": given["depth"]})
 
 
 def test_what_is_found_on_cuda_has_the_bits_of_the_hosts(config, monkeypatch, stub_cuda):
@@ -126,14 +143,15 @@ def test_a_call_inside_of_a_captured_cuda_graph_is_refused(config, monkeypatch):
         GBufferStereo(config)(**given | {"depth": given["depth"].view(Tensor)})
 
 
-def test_depth_along_rays_is_what_planar_depth_is(config):
-    planar = GBufferStereo(config)
+def test_depth_along_rays_is_what_planar_depth_is(config, sensor):
     given = wall(config, 0.8)
     v, u = np.indices(given["depth"].shape[1:])
-    k = planar.k
+    k = sensor.k
     along = np.sqrt(((u - k[0, 2]) / k[0, 0]) ** 2 + ((v - k[1, 2]) / k[1, 1]) ** 2 + 1.0)
     ray = given | {"depth": given["depth"] * along}
-    a, b = planar(**given), GBufferStereo(config)(**ray, depth_kind="ray")
+    a = sensor(**given)
+    sensor.restart(config.noise_seed)
+    b = sensor(**ray, depth_kind="ray")
     np.testing.assert_allclose(a["disparity"], b["disparity"], atol=1e-3)
 
 
@@ -205,10 +223,10 @@ def test_what_removes_a_cause_restores_the_pixel(config):
     assert sensor(**given)["valid"][:, 60, 100].all()
 
 
-def test_the_band_that_the_other_camera_does_not_see_whole_is_outside(config):
+def test_the_band_that_the_other_camera_does_not_see_whole_is_outside(config, sensor):
     """A wall's point lies f B / z further left in the right image; half a census window beside it has to be there."""
     depth_m = 0.7
-    cause = GBufferStereo(config)(**wall(config, depth_m))["cause"][0]
+    cause = sensor(**wall(config, depth_m))["cause"][0]
     border = config.focal_baseline_px_m / depth_m + config.census_width // 2
     holes = cause != CAUSES.index("measured")
     band = holes & (np.arange(cause.shape[1]) < border)
@@ -220,11 +238,12 @@ def test_the_band_that_the_other_camera_does_not_see_whole_is_outside(config):
 def test_holes_about_a_thing_are_named_by_it_and_go_with_it(config):
     """A plate at 0.45 m before a wall at 0.9 m: what is missing of the wall is hidden, shaded or beside the plate."""
     config.projector_intensity *= 2.0  # in small images the wall is close to noise
-    given = wall(config, 0.9)
-    alone = GBufferStereo(config)(**given)["valid"][0]
+    given, sensor = wall(config, 0.9), GBufferStereo(config)
+    alone = sensor(**given)["valid"][0]
     given["depth"] = given["depth"].copy()
     given["depth"][:, 45:75, 70:110] = 0.45
-    out = GBufferStereo(config)(**given)
+    sensor.restart(config.noise_seed)
+    out = sensor(**given)
     cause, is_wall = out["cause"][0], given["depth"][0] == np.float32(0.9)
     named = is_wall & np.isin(cause, [CAUSES.index(name) for name in ("occluded", "shadow", "edge")])
     caused = is_wall & alone & ~out["valid"][0]
@@ -276,11 +295,10 @@ def test_what_does_not_go_together_is_told(config):
 
 
 @pytest.mark.parametrize(("bad", "is_refused"), [(0.4, False), (0.75, True)])
-def test_normals_in_other_axes_are_refused(config, bad, is_refused):
+def test_normals_in_other_axes_are_refused(config, sensor, bad, is_refused):
     """They are in OpenGL's axes. Where the camera sees a part of the surfaces from behind, kuafu turns the normals."""
     given = {name: np.array(image) for name, image in wall(config, 0.6).items()}
     given["normal"][:, : int(bad * 120), :, 1:] *= -1.0
-    sensor = GBufferStereo(config)
     if not is_refused:
         assert sensor(**given, outputs=("valid",))["valid"].any()
         return
@@ -290,7 +308,7 @@ def test_normals_in_other_axes_are_refused(config, bad, is_refused):
         sensor(**wall(config, 0.6), right=given)
 
 
-def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config):
+def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config, made):
     class Foreign:
         """An array of a package that shares memory by DLPack alone."""
 
@@ -305,7 +323,7 @@ def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config):
 
     given = {name: np.array(image) for name, image in wall(config, [0.4, 0.7], 2).items()}
     strided = {name: np.repeat(image, 2, axis=2)[:, :, ::2] for name, image in given.items()}
-    sensor, found = GBufferStereo(config, 2), []
+    sensor, found = made(2), []
     for same in (given, strided, {name: Foreign(image) for name, image in strided.items()}):
         sensor.restart(1)
         found.append(sensor(**same, outputs=("ir_left",))["ir_left"])
@@ -313,8 +331,8 @@ def test_views_and_what_speaks_dlpack_give_the_bits_of_arrays(config):
     np.testing.assert_array_equal(found[2], found[0])
 
 
-def test_a_refused_call_takes_no_frame(config):
-    sensor, given = GBufferStereo(config), wall(config, 0.6)
+def test_a_refused_call_takes_no_frame(config, sensor):
+    given = wall(config, 0.6)
     with pytest.raises(ValueError, match=r"environment 0, pixel \(0, 0\): depth is nan"):
         sensor(**given | {"depth": np.full(sensor.shape, np.nan)})
     slope = np.broadcast_to(np.linspace(800.0, 900.0, sensor.shape[2]), sensor.shape)
@@ -324,8 +342,9 @@ def test_a_refused_call_takes_no_frame(config):
         sensor(**given, projector=slope)
     with pytest.raises(TypeError, match="depth is of object, expected numbers"):
         sensor(**given | {"depth": given["depth"].astype(object)})
-    out, first = (one(**given, outputs=("ir_left",))["ir_left"] for one in (sensor, GBufferStereo(config)))
-    np.testing.assert_array_equal(out, first)
+    out = sensor(**given, outputs=("ir_left",))["ir_left"]
+    sensor.restart(config.noise_seed)
+    np.testing.assert_array_equal(out, sensor(**given, outputs=("ir_left",))["ir_left"])
 
 
 def test_what_has_no_surface_needs_no_material(config):
