@@ -63,7 +63,7 @@ def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     for frame, side, item in every:
         if frame.id in keys:
             groups.setdefault((keys[frame.id], side), []).append(item)
-    return list(groups.values())
+    return [group for group in groups.values() if len(group) > 1]
 
 
 @dataclass(frozen=True)
@@ -297,7 +297,7 @@ def noise_at_other_gains(
     gains with repeats and subtracted.
     """
     train = [i for i in images if i.frame.split == "train"]
-    gains = {i.frame.gain for i in train if i.frame.repeat_group is not None}
+    gains = {frames[0].gain for frames in by_repeats((i.frame, i.side, i.frame) for i in train)}
     shown = [i for i in train if i.frame.gain in gains and i.frame.projector_power > 0]
     others = [i for i in train if i.frame.gain not in gains]
     if shown and others:

@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
-from activestereo.compare.noise import NoiseModel
+from activestereo.compare.noise import NoiseModel, by_repeats
 from activestereo.diagnose.geometry import DEPTH_STEP, TWIST, Geometry
 from activestereo.effects.core.model import Nuisances
 
@@ -201,7 +201,7 @@ def one_of_each_situation(
     chosen: list[Observation] = []
     for o in observations:
         f = o.frame
-        setting = f.exposure_gain, f.projector_power, f.ambient, f.temperature_c, f.is_moving
+        setting = float(f"{f.exposure_gain:.2g}"), f.projector_power, f.ambient, f.temperature_c, f.is_moving
         pose, poses = f.camera_to_world.tobytes(), poses_of.setdefault(setting, set())
         has_place = not poses or (len(poses) + 1) * o.measured.size <= most_pixels
         is_new = o.side == "right" and pose not in poses and has_place
@@ -218,6 +218,5 @@ def _left_image(observations: Sequence[Observation]) -> Observation | None:
     """Returns the left camera's first image, or the last one of its repeats; None if there is none. The last repeat
     shows flickering light at another time."""
     left = [o for o in observations if o.side == "left"]
-    group = left[0].frame.repeat_group if left else None
-    repeats = [o for o in left if o.frame.repeat_group == group] if group is not None else left[:1]
-    return repeats[-1] if repeats else None
+    groups = by_repeats((o.frame, o.side, o) for o in left)
+    return next((group[-1] for group in groups if group[0] is left[0]), left[0]) if left else None

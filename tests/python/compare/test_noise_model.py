@@ -12,7 +12,7 @@ from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.image_errors import ImageErrors
-from activestereo.compare.noise import comb_of, fit_noise_model, unsteady_light
+from activestereo.compare.noise import by_repeats, comb_of, fit_noise_model, unsteady_light
 from activestereo.compare.render import mean_of_halves, noise_square, render_halves
 from activestereo.diagnose import diagnose
 from activestereo.effects import builtin
@@ -230,3 +230,10 @@ def test_frames_that_are_no_repeats_have_no_change() -> None:
     (key, (frame, light, image)), *_ = _shots([np.zeros((HEIGHT, WIDTH))]).items()
     frame.repeat_group = None
     assert unsteady_light({key: (frame, light, image)}) == {}
+
+
+def test_frames_that_are_alone_in_their_group_are_no_repeats() -> None:
+    """Nor are those of another exposure: their gain has no repeats."""
+    frame = dict(repeat_group=0, projector_power=1.0)
+    frames = [SimpleNamespace(id=k, exposure_gain=gain, **frame) for k, gain in enumerate((1.0, 1.001, 8.0))]
+    assert by_repeats((f, "left", f.id) for f in frames) == [[0, 1]]

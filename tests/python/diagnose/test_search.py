@@ -368,11 +368,12 @@ class Image:
 
 
 def test_one_image_of_each_situation_sees_two_instants_of_repeats():
-    pose = dict(camera_to_world=np.eye(4), exposure_gain=1.0, projector_power=1.0, ambient=None, temperature_c=None)
-    frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, is_moving=False, **pose)  # noqa: E731
-    images = [Image(frame(k, 0), side, np.zeros((8, 8))) for k in range(3) for side in ("left", "right")]
+    pose = dict(camera_to_world=np.eye(4), projector_power=1.0, ambient=None, temperature_c=None, is_moving=False)
+    gains = 1.0, 1.0001, 1.0002, 1.4  # exposures jitter, and the last frame is no repeat
+    frame = lambda k, group: SimpleNamespace(id=k, repeat_group=group, exposure_gain=gains[k], **pose)  # noqa: E731
+    images = [Image(frame(k, 0), side, np.zeros((8, 8))) for k in range(4) for side in ("left", "right")]
     chosen = {(o.frame.id, o.side) for o in one_of_each_situation(images)}
-    assert chosen == {(0, "right"), (2, "left")}
+    assert chosen == {(0, "right"), (2, "left"), (3, "right")}
     single = [Image(frame(0, None), side, np.zeros((8, 8))) for side in ("left", "right")]
     assert {(o.frame.id, o.side) for o in one_of_each_situation(single)} == {(0, "right"), (0, "left")}
 
