@@ -150,7 +150,7 @@ def test_from_a_recording_to_its_depth(capsys, folder):
 def test_from_a_calibration_to_what_a_model_says(capsys, folder):
     repeats, rng = folder / "repeats", np.random.default_rng(0)
     repeats.mkdir()
-    level = np.broadcast_to(np.linspace(20.0, 160.0, 80), (60, 80))
+    level = np.broadcast_to(np.linspace(20.0, 160.0, 40), (30, 40))
     for number in range(12):
         write_gray(repeats / f"{number:02d}.png", rng.poisson(level).astype(np.uint8))
     kinds = _follow(capsys, "calibrate", "noise", repeats, "-o", folder / "model.json")

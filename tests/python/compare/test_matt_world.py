@@ -20,7 +20,7 @@ def views(device, tmp_path_factory):
     capture = trial_capture(tmp_path_factory.mktemp("matt"))
     sampling = sampling_of(capture.rig, 2)
     rendered = {}
-    for name, samples in (("geometry", 32), ("few", 32), ("many", 1024)):
+    for name, samples in (("geometry", 32), ("few", 32), ("many", 256)):
         request = rig_request(capture, capture.frames[0], samples, 4, 0, sampling)
         renderer = CaptureRenderer(device, traced=name != "geometry")
         rendered[name] = sampling.pixel_layers(renderer(request)[0])
