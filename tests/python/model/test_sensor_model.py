@@ -12,7 +12,8 @@ from schema_check import violations
 from activestereo.cli import main
 from activestereo.common.pose import rigid_motion
 from activestereo.effects import builtin
-from activestereo.capture.capture import Camera
+from activestereo.camera.presets import StereoDepthSensorConfig
+from activestereo.capture.capture import Camera, Frame
 from activestereo.capture.images import write_gray
 from activestereo.model import Imager, Pattern, Quantity, Rig, SensorModel, model_json, read_model, write_model
 from activestereo.model.words import diff, show
@@ -191,3 +192,10 @@ def test_add_takes_what_a_diagnosis_found(tmp_path):
     entry = read_model(out).effects[0]
     assert entry.surfaces == ("cup",)
     assert (entry.parameters["factor"].low, entry.parameters["factor"].high) == (0.2, 0.4)
+
+
+def test_a_frames_laser_may_be_stated_in_any_unit():
+    """The model's scale of the projector has the same one."""
+    scales = {name: Quantity(value) for name, value in (("projector_scale", 400.0), ("ambient_scale", 9e3))}
+    frame = Frame(0, None, None, 0.0, 0.008, np.eye(4), "train", projector_power=150.0)
+    StereoDepthSensorConfig.from_model(SensorModel(nuisances=scales), frame=frame).check()
