@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d, gaussian_filter
 
 from activestereo.calibrate.least_squares import INTERVAL_90
-from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.capture.capture import SAME_EXPOSURE, SIDES, Capture, Frame, read_capture
 from activestereo.common.input_files import read_text
 from activestereo.common.limits import TEMPERATURE
 from activestereo.effects import Light, View, builtin
@@ -110,7 +110,7 @@ def calibrate_drift(folder: Path, temperatures: Path | None) -> Drift:
         told = f"frames span {np.ptp(celsius):.2g} K: record from switching on, {_LEAST_K:g} K or more"
         raise ValueError(f"{folder}: {told}")
     exposures = {f.exposure_s * f.gain for f in (*lit, *dark)}
-    if len(exposures) > 1:
+    if max(exposures) > SAME_EXPOSURE * min(exposures):
         told = f"exposures times gain of {min(exposures):g} to {max(exposures):g} s: record all frames at one"
         raise ValueError(f"{folder}: the frames have {told}")
 

@@ -19,7 +19,7 @@ from activestereo.calibrate import wall as walls_light
 from activestereo.calibrate.least_squares import INTERVAL_90, difference
 from activestereo.calibrate.repeats import LEAST_REPEATS, Repeats, check_still
 from activestereo.calibrate.wall import ProjectorView, Spots, Wall, find_spots, find_wall, power_factor, wall_points
-from activestereo.capture.capture import SIDES, Capture, Frame, read_capture
+from activestereo.capture.capture import SAME_EXPOSURE, SIDES, Capture, Frame, read_capture
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
 from activestereo.common.pose import rigid_motion
@@ -47,13 +47,13 @@ _MOST_TURNED_DEG, _MOST_ASIDE = 0.3, 0.005
 @dataclass(frozen=True)
 class WallView:
     """The wall at one distance. spots, cut: {side: Spots}, whole ones and those cut by the image's border. wall: its
-    plane and points. exposure_s: seconds."""
+    plane and points. exposure_gain: seconds times gain."""
 
     name: str
     spots: dict[str, Spots]
     cut: dict[str, Spots]
     wall: Wall
-    exposure_s: float
+    exposure_gain: float
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[
             found = _align_right_spots(found, rig)
         spots[side], cut[side] = found.selected(is_whole), found.selected(~is_whole)
     wall = find_wall(spots["left"], spots["right"], rig.left.K, rig.right.K, rig.baseline_m, name)
-    return WallView(name, spots, cut, wall, frames[0].exposure_s)
+    return WallView(name, spots, cut, wall, frames[0].exposure_gain)
 
 
 def _align_right_spots(right: Spots, rig: CaptureRig) -> Spots:
@@ -253,7 +253,7 @@ def _merged(views: tuple[WallView, ...], rig: CaptureRig) -> Pattern:
     dots = dots[((dots[:, :2] > -0.5) & (dots[:, :2] < [width - 0.5, height - 0.5])).all(axis=1)]
     # 3. The light between them.
     background = None
-    if len(walls) > 1 and far.exposure_s == near.exposure_s:
+    if len(walls) > 1 and 1.0 / SAME_EXPOSURE < far.exposure_gain / near.exposure_gain < SAME_EXPOSURE:
         lights = []
         for side in SIDES:
             lit = [(view.spots[side].background, view.wall.plane) for view in walls]

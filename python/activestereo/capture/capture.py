@@ -40,7 +40,7 @@ ImageKey = tuple[int, str]  # a frame's id and the camera, one of SIDES
 SPLITS = ("train", "test")
 # Repeats' exposures differ by at most this factor: a camera's metadata jitters by microseconds. Between two frames it
 # adds 2e-6 of the squared signal to the variance, a fiftieth of the photon noise of 10 000 electrons.
-_SAME_EXPOSURE = 1.002
+SAME_EXPOSURE = 1.002
 
 
 class CaptureWarning(UserWarning):
@@ -271,13 +271,13 @@ class Capture:
 
 
 def repeat_keys(frames: Iterable[Frame]) -> dict[int, tuple[int, float, float]]:
-    """Returns {frame id: what its repeats have in common}: the group, the projector's power and, within _SAME_EXPOSURE,
+    """Returns {frame id: what its repeats have in common}: the group, the projector's power and, within SAME_EXPOSURE,
     exposure times gain. Frames without a group are left out."""
     keys: dict[int, tuple[int, float, float]] = {}
     key = None
     grouped = [(f.repeat_group, f.projector_power, f.exposure_gain, f.id) for f in frames if f.repeat_group is not None]
     for group, power, exposure, number in sorted(grouped):
-        if key is None or key[:2] != (group, power) or exposure > _SAME_EXPOSURE * key[2]:
+        if key is None or key[:2] != (group, power) or exposure > SAME_EXPOSURE * key[2]:
             key = group, power, exposure
         keys[number] = key
     return keys

@@ -32,6 +32,10 @@ def warm_up(folder: Path, **per_k: float) -> Path:
         assert main(["import", str(folder / "views"), *stated, "-o", str(folder / "capture")]) == 0
     rows = [f"{WARM_UP_S + 75 * k},{c}" for k, c in enumerate(CELSIUS)]
     (folder / "temperatures.csv").write_text("\n".join(rows) + "\n")
+    described = json.loads((folder / "capture" / "capture.json").read_text())
+    for frame in described["frames"]:
+        frame["exposure_s"] *= 1.0 + 1e-5 * frame["id"]  # a camera's metadata jitters
+    (folder / "capture" / "capture.json").write_text(json.dumps(described))
     return folder / "capture"
 
 

@@ -94,7 +94,10 @@ class WallWorld:
                 for side, image in zip(("left", "right"), expected, strict=True):
                     images[number, side] = exposed(image, rng)
                 path = Path("unwritten")
-                frames.append(Frame(number, path, path, 0.033 * number, 0.008, np.eye(4), "train", repeat_group=group))
+                exposure_s = 0.008 + 1e-7 * number  # a camera's metadata jitters
+                frames.append(
+                    Frame(number, path, path, 0.033 * number, exposure_s, np.eye(4), "train", repeat_group=group)
+                )
         width, height = self.config.ir_resolution
         camera = Camera(width, height, self.config.ir_intrinsic)
         left_to_right, left_to_projector = rigid_motion((-BASELINE_M, 0, 0)), rigid_motion(-NOMINAL_POSITION_M)
