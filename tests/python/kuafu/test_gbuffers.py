@@ -2,6 +2,8 @@
 """Renderer.light_gbuffers: laws of warped views, of the projector's light and of the room's, on the host as in Vulkan
 compute, and bad images."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,13 @@ def pose(x_m):
     return rigid_motion((x_m, 0, 0))
 
 
+@cache
+def rendering(tracer):
+    """A device and its renderer, which compiles for seconds."""
+    device = kuafu.Device("cpu")
+    return device, kuafu.Renderer(device, tracer=tracer)
+
+
 def lit(
     given, looks=MATT, baseline_m=BASELINE_M, ambient=0.0, tracer="auto", outputs=None, falloff=0.0, removed=0,
     right=None, finer=1, **more,
@@ -25,7 +34,7 @@ def lit(
     """Outputs [2, E, height, width] of one material's surfaces under a projector whose pattern is 1 everywhere, 3 W/sr;
     given, right: images [E, height, width] of the cameras; removed: how many materials were there before; finer: how
     many of the images' pixels are as wide as one of FOCAL_PX."""
-    device = kuafu.Device("cpu")
+    device, renderer = rendering(tracer)
     scene = kuafu.Scene(device)
     for _ in range(removed):
         scene.remove_material(scene.add_material(kuafu.Material(ir_albedo=0.9)))
@@ -40,7 +49,7 @@ def lit(
     count, height, width = given["depth"].shape[0], *(side // n for side in given["depth"].shape[1:])
     k = [[finer * FOCAL_PX, 0, (width - 1) / 2], [0, finer * FOCAL_PX, (height - 1) / 2], [0, 0, 1]]
     cameras = [kuafu.Camera(width, height, k, camera_to_world=pose(x)) for x in (0.0, baseline_m)]
-    found = kuafu.Renderer(device, tracer=tracer).light_gbuffers(
+    found = renderer.light_gbuffers(
         scene, cameras, outputs or ["radiance", "projector_direct", "depth", "projector_visibility"],
         left=buffers(device, given), right=right and buffers(device, right),
         environment_count=count, ambient_radiance=np.full(count, ambient), **more,
