@@ -29,7 +29,6 @@ void main() {
   if (x >= p.width || y >= p.height) return;
   uint at = (n * p.height + y) * p.width + x, reason = uint(push.reason.at[at]);
   if (reason == REASON_VALID && keep(p, depth_of(p, push.disparity.at[at])) == 0.0f) reason = REASON_OUT_OF_RANGE;
-  bool of_a_stage = reason == REASON_NOT_UNIQUE || (reason >= REASON_OCCLUDED && reason <= REASON_OUT_OF_RANGE) || reason == REASON_LOW_TEXTURE;
-  if (of_a_stage) reason = explained(p, reason, int(x), int(y), n);
+  if (MAY_BE_EXPLAINED(reason)) reason = explained(p, reason, int(x), int(y), n);
   push.reason.at[at] = uint8_t(reason);
 }

@@ -5,6 +5,9 @@
 
 #include "shared/public_choices.h"  // by capi/generation
 
+// Whether low texture or saturation of the left image may explain a pixel better than its reason does.
+#define MAY_BE_EXPLAINED(reason) ((reason) != REASON_VALID && (reason) != REASON_OUTSIDE && (reason) != REASON_NOT_COMPUTED)
+
 // Which maps are wanted beside the disparities.
 #define MAPS_CONFIDENCE 1u
 #define MAPS_REASON 2u

@@ -59,8 +59,8 @@ class EdgeCheck {
 /// `width`; a row of the region without valid pixels stays as it is.
 void fill_holes(HoleFilling filling, float* disparity, uint32_t width, const Region& region, float invalid, ks::ThreadPool& workers);
 
-/// Replaces reasons of the stages (not_unique, occluded, isolated, speckle, out_of_range, low_texture) by the left image's own (saturated,
-/// low_texture) where it explains them. reason: packed [height][width].
+/// Replaces reasons by the left image's own (saturated, low_texture) where those explain them (MAY_BE_EXPLAINED). reason: packed
+/// [height][width].
 void find_reasons(const ReasonParameters& parameters, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
                   ks::ThreadPool& workers);
 

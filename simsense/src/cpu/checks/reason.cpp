@@ -4,14 +4,6 @@
 #include <algorithm>
 
 namespace simsense {
-namespace {
-
-bool is_of_a_stage(MatchReason reason) {
-  return reason == MatchReason::not_unique || reason == MatchReason::occluded || reason == MatchReason::isolated ||
-         reason == MatchReason::speckle || reason == MatchReason::out_of_range || reason == MatchReason::low_texture;
-}
-
-}  // namespace
 
 void find_reasons(const ReasonParameters& p, ConstImage left, uint32_t width, uint32_t height, MatchReason* reason,
                   ks::ThreadPool& workers) {
@@ -21,7 +13,7 @@ void find_reasons(const ReasonParameters& p, ConstImage left, uint32_t width, ui
     const auto y = static_cast<ptrdiff_t>(row);
     for (ptrdiff_t x = 0; x <= last_x; ++x) {
       MatchReason& why = reason[row * width + static_cast<size_t>(x)];
-      if (!is_of_a_stage(why)) continue;
+      if (!MAY_BE_EXPLAINED(static_cast<uint32_t>(why))) continue;
       uint32_t darkest = UINT32_MAX, brightest = 0, saturated = 0, cells = 0;
       for (ptrdiff_t v = std::max<ptrdiff_t>(0, y - half_height); v <= std::min(last_y, y + half_height); ++v) {
         for (ptrdiff_t u = std::max<ptrdiff_t>(0, x - half_width); u <= std::min(last_x, x + half_width); ++u) {
