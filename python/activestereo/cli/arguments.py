@@ -38,6 +38,7 @@ EXIT_CODES = FINE, FINDING, USAGE, FAILURE, STOPPED, READER_GONE, TERMINATED
 # The main parser's subparsers; each command's add_parser() adds one.
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 _MOST_EXPOSURE_MS = 250.0
+_MOST_DEPTH_SCALE_M = 0.05
 _MAX_BOUNCES = next(p.default for p in RENDER if p.name == "max_bounces")
 
 
@@ -260,6 +261,15 @@ def exposure(text: str) -> float:
         unit, factor = ("microseconds", 1e-6) if value > _MOST_EXPOSURE_MS else ("milliseconds", 1e-3)
         question = f"is {value:g} s, longer than any depth camera exposes: is it in {unit}?"
         raise argparse.ArgumentTypeError(f"{question} Then give {factor * value:g}")
+    return value
+
+
+def depth_scale(text: str) -> float:
+    """Parses metres per unit of depth images, above 0. Refuses a value that looks like units per metre, or metres."""
+    value = above_zero(text)
+    if value > _MOST_DEPTH_SCALE_M:
+        remedy = f"is it units per metre? Then give {1.0 / value:g}" if value >= 10.0 else "millimetres have 0.001"
+        raise argparse.ArgumentTypeError(f"is {value:g} m per unit of a 16-bit image, too coarse for depth: {remedy}")
     return value
 
 

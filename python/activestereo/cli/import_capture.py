@@ -79,7 +79,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "what the depth images' names hold, where there are several kinds (default: depth)"
     add("--depth", metavar="WORD", help=text)
     add("-o", "--out", required=True, type=Path, metavar="DIR", help="the capture's folder, which must not exist")
-    add("--depth-scale", type=cli.positive, metavar="M", help="metres per unit of the depth images (default: 0.001)")
+    add("--depth-scale", type=cli.depth_scale, metavar="M", help="metres per unit of the depth images (default: 0.001)")
     text = "camera_to_world over time: timestamp tx ty tz qx qy qz qw in each line"
     add("--poses", type=Path, metavar="FILE", help=text)
     add("--robot", type=Path, metavar="FILE", help="CSV of gripper_to_base: name,x,y,z,qx,qy,qz,qw; needs --hand-eye")
@@ -104,8 +104,6 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(
             f"{args.recording} is a capture already: give it to compare, diagnose, calibrate or view"
         )
-    if args.depth_scale is not None and args.depth_scale <= 0:
-        raise cli.CommandError("--depth-scale is 0, expected metres per unit above 0")
     with TemporaryDirectory(prefix=".import.", dir=args.out.absolute().parent) as temporary:
         recording = _color_depth(args, Path(temporary))
         if recording is None:

@@ -36,7 +36,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "the device's own depth, 16-bit, left image; a whole number of times smaller is fine"
     parser.add_argument("--device-depth", type=Path, metavar="DEPTH.png", help=text)
     text = "metres per unit of it (default: 0.001)"
-    parser.add_argument("--depth-scale", type=cli.above_zero, metavar="M", help=text)
+    parser.add_argument("--depth-scale", type=cli.depth_scale, metavar="M", help=text)
     cli.add_shared(parser, out=True, json=True)
 
 

@@ -147,6 +147,8 @@ def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, caps
     assert "has 2 times for 3 frames: give one, or each" in said("--exposure", "0.01,0.02")
     for times, words in (("8.5", "milliseconds? Then give 0.0085"), ("0.01,33000", "microseconds? Then give 0.033")):
         assert words in run_here(capsys, *_arguments(recording, "--exposure", times)).stderr
+    for scale, words in (("0", "above 0"), ("1", "millimetres have 0.001"), ("5000", "Then give 0.0002")):
+        assert words in run_here(capsys, *_arguments(recording, "--depth-scale", scale)).stderr
     text = tmp_path / "d435.txt"
     for wrong, words in (
         (ENUMERATED.replace("Vector: -0.04", "Vector: 0.04"), "x is 0.0499586 m, expected below 0: left and right are"),
