@@ -63,6 +63,11 @@ def test_options_that_colour_and_depth_alone_do_not_take_are_refused(bop, option
     assert f"{option} is for " in line and "leave it out" in line
 
 
+def test_a_centre_outside_of_the_images_is_refused(tum, capsys):
+    line = refused(["import", tum, "--out", tum / "out", "--k", "30,31,155,11"], capsys)
+    assert "centre at 155, 11, outside of the depth images' 32x24: were they rescaled?" in line
+
+
 def write_ply(path, mesh):
     vertex = np.array([tuple(p) for p in mesh.positions], dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
     face = np.array([(3, tuple(t)) for t in mesh.indices.reshape(-1, 3)], dtype=[("count", "u1"), ("index", "<i4", 3)])

@@ -88,6 +88,10 @@ def write_color_depth(
     the preset's, because such a recording has none. scene: a glTF file in place of the recording's. Raises ValueError
     with the file if sizes differ, depth has 8 bits or a file is damaged."""
     width, height = image_size(recording.frames[0].depth, "Depth")
+    cx, cy = recording.K[:2, 2]
+    if not (0 <= cx < width and 0 <= cy < height):
+        text = f"K has its centre at {cx:g}, {cy:g}, outside of the depth images' {width}x{height}"
+        raise ValueError(f"{recording.path}: {text}: were they rescaled? K is scaled along with them")
     camera, has_color = Camera(width, height, recording.K), any(entry.color is not None for entry in recording.frames)
     frames = tuple(
         Frame(
