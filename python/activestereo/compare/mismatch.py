@@ -6,6 +6,7 @@ If the geometry is right, both cameras see the same dots at the scene's depth, u
 right, too, the rendered dots match the measured ones. Both checks correlate high-pass filtered images, at shifts of a
 few pixels: calibration errors may displace dots, never exchange them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,22 +121,18 @@ def match_of(errors: ImageErrors) -> Match:
 
 def _one(frame: Frame, errors: ImageErrors) -> tuple[float, ...] | None:
     """Computes (frame id, pattern, geometry, swapped, possible) of one frame, as in Match; None if it shows no dots."""
-    views, measured, noise_model = errors.views, errors.measured, errors.noise_model
-    keys = (frame.id, "left"), (frame.id, "right")
+    views, measured, keys = errors.views, errors.measured, ((frame.id, "left"), (frame.id, "right"))
     left, right = (_fast(measured[key]) for key in keys)
     warp = warp_between(views[keys[0]], views[keys[1]])
-    inside = warp.seen & (np.asarray(measured[keys[0]], dtype=np.float64) < views[keys[0]].max_dn - 1)
-    if (known := views[keys[0]].known) is not None:
-        inside &= known
+    inside = warp.seen & _unclipped(errors, frame)
     if not warp.seen.any():
         return frame.id, 0.0, 0.0, 0.0, 1.0
     if inside.sum() < 1000:
         return None
-    noise = 0.0 if noise_model is None else noise_model.mean_variance(np.asarray(measured[keys[0]]), frame.gain)
-    dots = left[inside].var() - noise
-    if dots < _LEAST_DOTS * max(noise, ROUNDING_VARIANCE):
+    dots = _dots_variance(errors, frame, left[inside])
+    if dots is None:
         return None
-    possible = dots / (dots + noise)
+    possible = dots / left[inside].var()
     columns = np.arange(inside.shape[1])[None, :]
     disparity = float(np.median(np.abs(columns - warp.u)[inside]))
     reach = int(np.clip(round(_SHIFT_SHARE * disparity), 1, _MOST_SHIFT_PX))
@@ -147,6 +144,22 @@ def _one(frame: Frame, errors: ImageErrors) -> tuple[float, ...] | None:
         for a, b in ((left, right), (right, left))
     )
     return frame.id, pattern, geometry, swapped, possible
+
+
+def _unclipped(errors: ImageErrors, frame: Frame) -> NDArray[np.bool_]:
+    """Returns which pixels of a frame's left image are below full scale and show the known scene, [height, width]."""
+    view, measured = errors.views[frame.id, "left"], errors.measured[frame.id, "left"]
+    inside = np.asarray(np.asarray(measured, np.float64) < view.max_dn - 1)
+    return inside if view.known is None else inside & view.known
+
+
+def _dots_variance(errors: ImageErrors, frame: Frame, fast: NDArray[np.float64]) -> float | None:
+    """Returns the variance of a frame's left dots above noise, DN^2; None if it is less than _LEAST_DOTS. fast: pixels
+    after _fast()."""
+    model, measured = errors.noise_model, np.asarray(errors.measured[frame.id, "left"])
+    noise = 0.0 if model is None else model.mean_variance(measured, frame.gain)
+    dots = float(fast.var()) - noise
+    return None if dots < _LEAST_DOTS * max(noise, ROUNDING_VARIANCE) else dots
 
 
 def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -190,36 +203,45 @@ def _exposure_warnings(errors: ImageErrors) -> list[str]:
     """Returns a warning of the still frames whose dots and level are both another multiple of the model's than those of
     the frame that is nearest in exposure, among those with the usual multiple. A response may be bent. Frames of one
     projector power are compared."""
-    black_dn, said = errors.fit.nuisances.black_dn, []
-    still = [f for f in errors.capture.frames if f.projector_power > 0 and not f.is_moving]
+    said, still = [], [f for f in errors.capture.frames if f.projector_power > 0 and not f.is_moving]
     for power in sorted({f.projector_power for f in still}):
-        rows = []
-        for frame in (f for f in still if f.projector_power == power):
-            key = frame.id, "left"
-            measured, expected = (np.asarray(x[key], np.float64) for x in (errors.measured, errors.predictions))
-            noise = 0.0 if errors.noise_model is None else errors.noise_model.mean_variance(measured, frame.gain)
-            inside = measured < errors.capture.rig.max_dn - 1
-            if (known := errors.views[key].known) is not None:
-                inside &= known
-            dots, lit = (_fast(image)[inside].var() if inside.any() else 0.0 for image in (measured, expected))
-            if lit > 0.0 and dots - noise > _LEAST_DOTS * max(noise, ROUNDING_VARIANCE):
-                level, due = (float((image[inside] - black_dn).mean()) for image in (measured, expected))
-                rows.append((np.sqrt((dots - noise) / lit), max(level, 0.0) / max(due, 1e-9), frame))
-        middle = float(np.median([dots for dots, *_ in rows])) if rows else 1.0
-        alike = [row for row in rows if 1.0 / _BRIGHTER < row[0] / middle < _BRIGHTER]
-        alike.sort(key=lambda row: abs(np.log(row[0] / middle)))
-        found: dict[int, float] = {}
-        for dots, level, frame in rows if alike else ():
-            near = min(alike, key=lambda row: abs(np.log(frame.exposure_gain / row[2].exposure_gain)))
-            bends = _BENDS * np.log(frame.exposure_gain / near[2].exposure_gain)
-            ratios = dots / near[0], level / max(near[1], 1e-9)
-            if min(ratios) > _BRIGHTER * np.exp(max(bends)) or max(ratios) < np.exp(min(bends)) / _BRIGHTER:
-                found[frame.id] = ratios[0]
+        rows = [row for f in still if f.projector_power == power and (row := _multiples(errors, f)) is not None]
+        found = _brighter(rows)
         if found:
             told = f"its dots are {np.median(list(found.values())):.2g} times as bright as its exposure_s and gain say"
             remedy = "beside the other frames: correct these, or leave it out"
             said.append(f"frame {listed([*map(str, sorted(found))])}: {told}, {remedy}")
     return said
+
+
+def _multiples(errors: ImageErrors, frame: Frame) -> tuple[float, float, Frame] | None:
+    """Returns (the measured dots' amplitude over the model's, the same of the mean level, the frame); None if it shows
+    no dots."""
+    key, inside = (frame.id, "left"), _unclipped(errors, frame)
+    images = [np.asarray(x[key], np.float64) for x in (errors.measured, errors.predictions)]
+    if not inside.any():
+        return None
+    measured, expected = (_fast(image)[inside] for image in images)
+    dots, due = _dots_variance(errors, frame, measured), expected.var()
+    if dots is None or due <= 0.0:
+        return None
+    level, due_level = (float((image[inside] - errors.fit.nuisances.black_dn).mean()) for image in images)
+    return float(np.sqrt(dots / due)), max(level, 0.0) / max(due_level, 1e-9), frame
+
+
+def _brighter(rows: Sequence[tuple[float, float, Frame]]) -> dict[int, float]:
+    """Returns {frame id: multiple of its dots} of frames that differ from what is stated. rows: of _multiples()."""
+    middle = float(np.median([dots for dots, *_ in rows])) if rows else 1.0
+    alike = [row for row in rows if 1.0 / _BRIGHTER < row[0] / middle < _BRIGHTER]
+    alike.sort(key=lambda row: abs(np.log(row[0] / middle)))
+    found: dict[int, float] = {}
+    for dots, level, frame in rows if alike else ():
+        near = min(alike, key=lambda row: abs(np.log(frame.exposure_gain / row[2].exposure_gain)))
+        bends = _BENDS * np.log(frame.exposure_gain / near[2].exposure_gain)
+        ratios = dots / near[0], level / max(near[1], 1e-9)
+        if min(ratios) > _BRIGHTER * np.exp(max(bends)) or max(ratios) < np.exp(min(bends)) / _BRIGHTER:
+            found[frame.id] = ratios[0]
+    return found
 
 
 def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
