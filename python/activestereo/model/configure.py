@@ -76,10 +76,8 @@ def exposed(given: Mapping[str, Any], model: SensorModel, frame: Frame) -> dict[
     room *= 1.0 if frame.ambient is None else frame.ambient
     responsivity_dn = max(room, 1e-6 * projector)
     rig = model.rig and replace(model.rig, exposure_s=None, gain=None)  # those of the frame
-    power_mw, (low, high, step) = (
-        frame.projector_power * given["laser_power_nominal_mw"],
-        given["laser_power_limits_mw"],
-    )
+    power_mw = frame.projector_power * given["laser_power_nominal_mw"]
+    low, high, step = given["laser_power_limits_mw"]
     return configured({**given, "ir_responsivity_dn": responsivity_dn}, replace(model, rig=rig)) | {
         "ir_responsivity_dn": responsivity_dn,
         "ir_ambient_radiance": room / responsivity_dn,
