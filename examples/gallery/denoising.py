@@ -6,30 +6,20 @@ from stage import Stage
 from tiles import tile
 
 
-def at_samples(device, spp, denoise):
-    stage = Stage(device)
-    stage.daylight()
-    stage.boxes()
-    stage.ball(y=-0.2, radius=0.35, transmission=1.0, roughness=0.0)
-    stage.options.update(spp=spp, denoise=denoise)
-    return stage.picture()
+def at_two_samples(name, title, note, denoise):
+    """Adds a tile of a glass ball between boxes, at 2 samples per pixel."""
+
+    @tile("Denoising", title, note, name)
+    def draw(device):
+        stage = Stage(device)
+        stage.daylight()
+        stage.things(transmission=1.0, roughness=0.0)
+        stage.options.update(spp=2, denoise=denoise)
+        return stage.picture()
 
 
-@tile("Denoising", "2 samples", "as they are")
-def noisy(device):
-    return at_samples(device, 2, "none")
-
-
-@tile("Denoising", "2 samples, denoised", '`denoise="atrous"`')
-def denoised(device):
-    return at_samples(device, 2, "atrous")
-
-
-@tile("Denoising", "Dots, 2 samples", "as they are")
-def dots_noisy(device):
-    return projected(device, options={"spp": 2, "denoise": "none"})
-
-
-@tile("Denoising", "Dots, 2 samples, denoised", "the projector's direct light is left alone")
-def dots_denoised(device):
-    return projected(device, options={"spp": 2})
+at_two_samples("noisy", "2 samples", "as they are", "none")
+at_two_samples("denoised", "2 samples, denoised", '`denoise="atrous"`', "atrous")
+projected("dots_noisy", "Dots, 2 samples", "as they are", "Denoising", options={"spp": 2, "denoise": "none"})
+projected("dots_denoised", "Dots, 2 samples, denoised", "the projector's direct light is left alone", "Denoising",
+          options={"spp": 2})  # fmt: skip

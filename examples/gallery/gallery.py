@@ -3,7 +3,7 @@
 """Draws the gallery: a small picture of each material, light and effect, and the page that shows them.
 
 usage: gallery.py [--only NAME ...] [--spp N] [--out FOLDER] [--check]. Writes FOLDER/pictures/*.jpg and
-FOLDER/README.md, beside this file where no folder is given. Needs the kuafu module (PYTHONPATH=build/python).
+FOLDER/README.md, beside this file where no folder is given. Needs PYTHONPATH=build/python.
 """
 
 import argparse
@@ -30,7 +30,7 @@ What kuafu renders, one small picture each, made by
 ```sh
 PYTHONPATH=build/python /usr/bin/python3 examples/gallery/gallery.py
 ```
-Each is a short function in this folder. 24 samples per pixel, denoised.
+Each is a few lines in this folder. 24 samples per pixel, denoised.
 """
 
 
@@ -38,15 +38,11 @@ def page():
     parts = [HEAD]
     for section in ORDER:
         parts.append(f"\n## {section}\n\n|" + " |" * COLUMNS + "\n|" + "--|" * COLUMNS + "\n")
-        for row in rows_of(section):
-            cells = [f"![{t.title}](pictures/{t.name}.jpg)<br>**{t.title}**<br>{t.note}" for t in row]
-            parts.append("| " + " | ".join(cells + [""] * (COLUMNS - len(cells))) + " |\n")
+        own = (t for t in TILES if t.section == section)
+        cells = [f"![{t.title}](pictures/{t.name}.jpg)<br>**{t.title}**<br>{t.note}" for t in own]
+        cells += [""] * (-len(cells) % COLUMNS)
+        parts += [f"| {' | '.join(cells[i : i + COLUMNS])} |\n" for i in range(0, len(cells), COLUMNS)]
     return "".join(parts)
-
-
-def rows_of(section):
-    tiles = [t for t in TILES if t.section == section]
-    return [tiles[i : i + COLUMNS] for i in range(0, len(tiles), COLUMNS)]
 
 
 def main():

@@ -18,11 +18,11 @@ class Tile:
 TILES: list[Tile] = []
 
 
-def tile(section, title, note=""):
-    """Adds the function below to the gallery; its name is the picture's."""
+def tile(section, title, note, name=None):
+    """Adds the function below to the gallery. name: the picture's; without it, the function's."""
 
     def add(draw):
-        TILES.append(Tile(section, draw.__name__, title, note, draw))
+        TILES.append(Tile(section, name or draw.__name__, title, note, draw))
         return draw
 
     return add
