@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from scipy.spatial.transform import Rotation
 
 import kuafu
 from activestereo import StereoDepthSensorConfig
@@ -26,7 +26,9 @@ from activestereo.camera.plan import pattern_of
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.capture.images import write_gray
-from activestereo.common.pose import look_at
+from activestereo.common import srgb
+from activestereo.common.output_files import write_png
+from activestereo.common.pose import look_at, rigid_motion
 
 WIDTH, HEIGHT, FOCAL_PX, BASELINE_M = 424, 240, 213.5, 0.05
 K = np.array([[FOCAL_PX, 0, 211.7], [0, FOCAL_PX, 119.2], [0, 0, 1.0]])
@@ -75,9 +77,7 @@ STREAM = """\
 
 
 def turned(vector: tuple[float, float, float], place: tuple[float, float, float]) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(np.array(vector))[0], place
-    return pose
+    return rigid_motion(place, cv2.Rodrigues(np.array(vector))[0])
 
 
 CAMERA_TO_GRIPPER = turned((0.1, -0.2, 1.5), (0.03, -0.05, 0.08))
@@ -104,14 +104,11 @@ class Practice:
         """Light of both cameras, DN above black."""
         light = None
         if on:
-            to_world = pose @ turned((0.0, 0.0, 0.0), PROJECTOR_PLACE_M)
             texture = scene.add_texture(self.pattern)
-            light = scene.add_light(
-                kuafu.Light(
-                    kind="projector", ir_intensity=1.0, texture=texture, k=self.pattern_K, light_to_world=to_world
-                )
-            )
-        right = pose @ turned((0.0, 0.0, 0.0), (BASELINE_M, 0.0, 0.0))
+            projector = kuafu.Light(kind="projector", ir_intensity=1.0, texture=texture, k=self.pattern_K)
+            projector.light_to_world = pose @ rigid_motion(PROJECTOR_PLACE_M)
+            light = scene.add_light(projector)
+        right = pose @ rigid_motion((BASELINE_M, 0.0, 0.0))
         cameras = [kuafu.Camera(WIDTH, HEIGHT, K, p) for p in (pose, right)]
         seen = self.renderer.render(scene, cameras, ("radiance",), spp=samples, max_bounces=bounces)["radiance"]
         if light is not None:
@@ -132,11 +129,8 @@ class Practice:
         board_to_base = turned((1.2, 0.3, -0.2), (0.4, 0.2, 0.1))
         across, down = CORNERS[0] + 1, CORNERS[1] + 1
         px, size_m = 40, (SQUARE_M * (across + 2), SQUARE_M * (down + 2))
-        picture = np.full(((down + 2) * px, (across + 2) * px), 200.0, np.float32)
-        for row in range(down):
-            for column in range(across):
-                if (row + column) % 2 == 0:
-                    picture[(row + 1) * px : (row + 2) * px, (column + 1) * px : (column + 2) * px] = 25.0
+        squares = np.pad(np.where(np.indices((down, across)).sum(axis=0) % 2, 200.0, 25.0), 1, constant_values=200.0)
+        picture = np.kron(squares, np.ones((px, px))).astype(np.float32)
         rows = ["name,x,y,z,qx,qy,qz,qw"]
         number = 0
         while number < count:
@@ -163,13 +157,8 @@ class Practice:
         there[0, 3] += shift_m
         fine, metre = 4, SQUARE_M / px
         H = K @ there[:3, [0, 1, 3]] @ np.array([[metre, 0, 0.5 * metre], [0, metre, 0.5 * metre], [0, 0, 1.0]])
-        corners = cv2.perspectiveTransform(
-            np.array(
-                [[[0, 0], [picture.shape[1], 0], [picture.shape[1], picture.shape[0]], [0, picture.shape[0]]]],
-                np.float64,
-            ),
-            H,
-        )[0]
+        high, wide = picture.shape
+        corners = cv2.perspectiveTransform(np.array([[[0.0, 0], [wide, 0], [wide, high], [0, high]]]), H)[0]
         if (corners < 6).any() or (corners > np.array([WIDTH, HEIGHT]) - 7).any():
             return None
         # Pixel centres at integers: fine pixel f is at (f + 0.5) / fine - 0.5.
@@ -209,13 +198,11 @@ class Practice:
             for mode, on in (("on", True), ("off", False)):
                 for side, image in zip(("left", "right"), self.infrared(scene, pose, on, 3, self.samples), strict=True):
                     write_gray(_made(self.out / "desk" / mode / side) / name, self.counts(image))
-            camera = kuafu.Camera(WIDTH, HEIGHT, K, pose @ turned((0.0, 0.0, 0.0), (COLOR_PLACE_M, 0.0, 0.0)))
+            camera = kuafu.Camera(WIDTH, HEIGHT, K, pose @ rigid_motion((COLOR_PLACE_M, 0.0, 0.0)))
             seen = self.renderer.render(scene, [camera], band="visible", spp=self.samples, max_bounces=3)["radiance"][0]
             seen = np.clip(0.7 * seen + self.random.normal(0.0, 0.004, seen.shape), 0, 1)
-            srgb = np.where(seen < 0.0031308, 12.92 * seen, 1.055 * np.maximum(seen, 1e-6) ** (1 / 2.4) - 0.055)
-            Image.fromarray(np.rint(255 * srgb).astype(np.uint8)).save(
-                _made(self.out / "desk" / "off" / "color") / name
-            )
+            picture = np.rint(255 * srgb.encoded(seen)).astype(np.uint8)
+            write_png(_made(self.out / "desk" / "off" / "color") / name, picture)
             rows.append(_csv_row(name, pose @ np.linalg.inv(CAMERA_TO_GRIPPER)))
         (self.out / "desk" / "poses.csv").write_text("\n".join(rows) + "\n")
 
@@ -250,8 +237,6 @@ def _write_room(path: Path, card: dict[str, Any], albedo: float | None = None) -
 
 
 def _csv_row(name: str, pose: NDArray[np.float64]) -> str:
-    from scipy.spatial.transform import Rotation
-
     values = [*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]
     return ",".join([name, *(f"{value:.9g}" for value in values)])
 

@@ -29,6 +29,7 @@ from activestereo import StereoDepthSensorConfig
 from activestereo.camera.plan import pattern_of
 from activestereo.capture.images import write_gray
 from activestereo.cli import main as activestereo
+from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes
 from three_depths import three_depths
 
@@ -51,10 +52,8 @@ SHEETS = [
 def _camera_to_world(turn_deg: tuple[float, float]) -> NDArray[np.float64]:
     """Turned about y and x around a tripod's axis, 5 cm behind the camera."""
     y, x = np.radians(turn_deg)
-    pose = np.eye(4)
-    pose[:3, :3] = cv2.Rodrigues(np.array([0, y, 0.0]))[0] @ cv2.Rodrigues(np.array([x, 0, 0.0]))[0]
-    pose[:3, 3] = pose[:3, :3] @ (0, 0, 0.05) - (0, 0, 0.05)
-    return pose
+    rotation = cv2.Rodrigues(np.array([0, y, 0.0]))[0] @ cv2.Rodrigues(np.array([x, 0, 0.0]))[0]
+    return rigid_motion(rotation @ (0, 0, 0.05) - (0, 0, 0.05), rotation)
 
 
 def _paint(random: np.random.Generator, shade: float) -> NDArray[np.uint8]:
@@ -81,7 +80,7 @@ def record(out: Path, samples: int) -> None:
     r2 = ((u - K[0, 2]) / K[0, 0]) ** 2 + ((v - K[1, 2]) / K[1, 1]) ** 2
     for k, (turn, exposure) in enumerate(zip(TURNS_DEG, EXPOSURES, strict=True)):
         pose = _camera_to_world(turn)
-        places = [pose @ _moved(place) for place in (PROJECTOR_PLACE_M, (0, 0, 0), (BASELINE_M, 0, 0))]
+        places = [pose @ rigid_motion(place) for place in (PROJECTOR_PLACE_M, (0, 0, 0), (BASELINE_M, 0, 0))]
         light = kuafu.Light(kind="projector", ir_intensity=1.0, texture=texture, k=pattern_K, light_to_world=places[0])
         number = scene.add_light(light)
         cameras = [kuafu.Camera(WIDTH, HEIGHT, K, place) for place in places[1:]]
@@ -94,12 +93,6 @@ def record(out: Path, samples: int) -> None:
             write_gray(_made(out / side) / f"{k:03d}.png", image)
         depth = seen["depth"][0, ..., 0] + random.normal(0, 3e-4, (HEIGHT, WIDTH))
         write_gray(_made(out / "depth") / f"{k:03d}.png", np.rint(1e4 * depth).astype(np.uint16))
-
-
-def _moved(place: tuple[float, float, float]) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[:3, 3] = place
-    return pose
 
 
 def _made(folder: Path) -> Path:

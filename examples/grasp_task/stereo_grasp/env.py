@@ -28,15 +28,13 @@ def _observed(depth: NDArray[np.float32]) -> NDArray[np.float32]:
 
 class StereoGraspEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Observation: the wrist's depth, float32 [size, size, 1] metres, 0 = no measurement. Action: dx, dy, dz, dtheta in
-    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: one of depth_modes.MODES.
-    things: mixed or hard, as GraspWorld has them."""
+    -1..1. Ends after 10 steps; the reward is then 1 for a grasp. mode: one of depth_modes.MODES. others: as GraspWorld
+    has them."""
 
     metadata: dict[str, Any] = {"render_modes": []}
 
-    def __init__(
-        self, mode: str = "full", size_px: int = 64, samples_per_pixel: int = 4, seed: int = 0, things: str = "mixed"
-    ) -> None:
-        self.world = GraspWorld(1, mode, size_px, samples_per_pixel, seed, things=things)
+    def __init__(self, mode: str = "full", size_px: int = 64, **others: Any) -> None:
+        self.world = GraspWorld(1, mode, size_px, **others)
         self.observation_space, self.action_space = _spaces(size_px)
 
     def reset(
@@ -57,17 +55,9 @@ class StereoGraspVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        mode: str = "full",
-        size_px: int = 64,
-        samples_per_pixel: int = 4,
-        seed: int = 0,
-        things: str = "mixed",
-    ) -> None:
+    def __init__(self, num_envs: int = 1, mode: str = "full", size_px: int = 64, **others: Any) -> None:
         self.num_envs = num_envs
-        self.world = GraspWorld(num_envs, mode, size_px, samples_per_pixel, seed, things=things)
+        self.world = GraspWorld(num_envs, mode, size_px, **others)
         self.single_observation_space, self.single_action_space = _spaces(size_px)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
