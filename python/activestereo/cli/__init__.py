@@ -5,7 +5,6 @@ commands' files."""
 import argparse
 import io
 import os
-import re
 import signal
 import sys
 import threading
@@ -96,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a file's name may not be UTF-8
     try:
-        given = _glued(sys.argv[1:] if arguments is None else arguments)
+        given = list(sys.argv[1:] if arguments is None else arguments)
         if not given:
             print(_WANTED, file=sys.stderr)
             return USAGE
@@ -219,18 +218,6 @@ def _missing(error: ImportError) -> str:
         return f'{error}: pip install "activestereo[{doctor.PACKAGES[name]}]"'
     is_built = name in ("activestereo", "kuafu", "simsense")
     return f"{error}; build first: bash examples/quickstart.sh" if is_built else str(error)
-
-
-def _glued(arguments: Sequence[str]) -> list[str]:
-    """Joins "--option -1,0" to "--option=-1,0", because argparse takes a value that starts with a minus sign for an
-    option."""
-    out: list[str] = []
-    for argument in arguments:
-        if out and out[-1].startswith("--") and "=" not in out[-1] and re.match(r"-\.?\d", argument):
-            out[-1] += f"={argument}"
-        else:
-            out.append(argument)
-    return out
 
 
 # KS_ERROR_INVALID_ARGUMENT, _UNSUPPORTED, _NO_DEVICE, _FILE of ks/status.h.

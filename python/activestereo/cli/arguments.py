@@ -10,6 +10,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
@@ -96,6 +97,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *, formatter_class: Any = Help, **own: Any) -> None:
         super().__init__(formatter_class=formatter_class, **own)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # argparse takes "-1,0" for an option
         self._rare: list[Any] = []  # groups that --help-all alone shows
 
     def rare_group(self, title: str, description: str | None = None) -> argparse._ArgumentGroup:
@@ -108,16 +110,12 @@ class Parser(argparse.ArgumentParser):
     def format_help(self, with_rare: bool = False) -> str:
         if with_rare or not self._rare:
             return super().format_help()
-        usual, formatter = [group for group in self._action_groups if group not in self._rare], self._get_formatter()
-        own = [action for group in usual for action in group._group_actions]
-        formatter.add_usage(self.usage, [a for a in self._actions if a in own], self._mutually_exclusive_groups)
-        formatter.add_text(self.description)
-        for group in usual:
-            formatter.start_section(group.title)
-            formatter.add_text(group.description)
-            formatter.add_arguments(group._group_actions)
-            formatter.end_section()
-        return f"{formatter.format_help()}\nmore (--help-all): {', '.join(group.title for group in self._rare)}\n"
+        shown = copy(self)
+        shown._action_groups = [group for group in self._action_groups if group not in self._rare]
+        own = [action for group in shown._action_groups for action in group._group_actions]
+        shown._actions = [action for action in self._actions if action in own]
+        more = ", ".join(group.title for group in self._rare)
+        return f"{super(Parser, shown).format_help()}\nmore (--help-all): {more}\n"
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE, f"{self.prog}: {printable(message)} (see {self.prog} --help)\n")
