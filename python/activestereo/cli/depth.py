@@ -37,8 +37,7 @@ from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
 
 if TYPE_CHECKING:
-    from activestereo.camera.advanced_mode.matcher import PairMatcher
-    from activestereo.camera.advanced_mode.settings import AdvancedSettings
+    from activestereo.camera.advanced_mode.settings import DepthTable
     from activestereo.capture.importers.bag import Pair
 
 # Settings for real pictures, tuned on pairs with truth (tests/bench/README.md, "Pairs with truth"). The engine's
@@ -51,6 +50,9 @@ PROFILES: dict[str, dict[str, Any]] = {
         "subpixel": "equiangular_summed", "median_size": 5, "uniqueness_ratio": 5,
     },
 }  # fmt: skip
+# Parameters that the profiles and the presets state for images of 8 bits.
+_IN_COUNTS_OF_8_BITS = ("p2_full_gradient_dn", "min_texture_dn", "low_texture_dn", "census_noise_dn")
+_DISPARITY_STEPS = 32  # of a pixel, the step of disparities in a D400's images
 _RUN = "depth.json"
 
 _TEXT = """\
@@ -73,14 +75,6 @@ example, a RealSense D435's pair; a D415's recording under other settings:
       --baseline 0.05 --out out/depth
   activestereo depth 20260101_120000.bag --settings high_accuracy.json --out out/depth
 """
-
-
-def profile(name: str, bits: int) -> dict[str, Any]:
-    """Returns the depth engine's parameters of a profile in PROFILES, scaled for images of `bits` bits per pixel."""
-    found = dict(PROFILES.get(name, {}))
-    if "p2_full_gradient_dn" in found:
-        found["p2_full_gradient_dn"] <<= bits - 8  # PROFILES states it in 8-bit counts
-    return found
 
 
 def add_parser(commands: cli.Commands) -> None:
@@ -135,13 +129,8 @@ def run(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"the images differ in depth: {args.left} and {args.right} have {depths} bits")
     height, width = left.shape
     cameras = rectified_pair(folder_device(args, (width, height))[0], width, height)
-    left_camera, right_camera = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
-    left_to_right = rigid_motion((-cameras.baseline_m, 0.0, 0.0))
-    bits = 8 * left.itemsize  # the matcher uses all bits of 8-bit and of 16-bit images
-    given = profile(args.profile or "active", bits) | options.given_parameters(args, MATCHER, RIG)
-    engine = simsense.Engine(
-        _device(args, given), left_camera, right_camera, left_to_right, rectified=True, bit_depth=bits, **given
-    )
+    given = options.given_parameters(args, MATCHER, RIG)
+    engine = _engine(args, cameras, left, PROFILES.get(args.profile or "active", {}), given)
     cli.make_folder(args.out)
     with ProgressBar(f"matching {width}x{height}") as bar:
         result = engine.compute(left, right, ("depth", "disparity", "points", *options.wanted_maps(args)), progress=bar)
@@ -173,9 +162,19 @@ def run(args: argparse.Namespace) -> None:
     print(screen(sentence, (), hints, leads, args.out / "overview.png", details, args.verbose))
 
 
-def _device(args: argparse.Namespace, given: Mapping[str, Any]) -> simsense.Device:
-    """Opens --device. A Vulkan device is opened only on request, so that a plain call needs no driver."""
-    return simsense.Device(args.device or ("auto" if given.get("back_end") == "vulkan" else "host"))
+def _engine(
+    args: argparse.Namespace, cameras: RectifiedPair, image: np.ndarray, base: Mapping[str, Any],
+    given: Mapping[str, Any],
+) -> simsense.Engine:  # fmt: skip
+    """Returns a depth engine for pairs of the image's size and bits, all of which it uses. base: its parameters for
+    images of 8 bits. given: those of the options, which replace them. A Vulkan device is opened only on request, so
+    that a plain call needs no driver."""
+    (height, width), bits = image.shape, 8 * image.itemsize
+    own = {name: value << (bits - 8) if name in _IN_COUNTS_OF_8_BITS else value for name, value in base.items()}
+    device = simsense.Device(args.device or ("auto" if given.get("back_end") == "vulkan" else "host"))
+    left, right = (simsense.Camera(width, height, K) for K in (cameras.left_K, cameras.right_K))
+    left_to_right = rigid_motion((-cameras.baseline_m, 0.0, 0.0))
+    return simsense.Engine(device, left, right, left_to_right, rectified=True, bit_depth=bits, **(own | given))
 
 
 # The images are exchanged if the swapped pair gives depth to _TIMES as many pixels and at least _LEAST_FILL of them.
@@ -217,7 +216,13 @@ def depth_hints(
 
 def _run_recording(args: argparse.Namespace) -> None:
     """Computes depth of all pairs of the recording that have none yet, and prints the result."""
-    from activestereo.camera.advanced_mode.settings import AdvancedSettings, read_settings
+    from activestereo.camera.advanced_mode.settings import (
+        AdvancedSettings,
+        depth_table,
+        matcher_parameters,
+        read_settings,
+    )
+    from activestereo.camera.plan import matcher_parameters as matcher_of
     from activestereo.capture.importers.bag import count_pairs, is_bag, recorded_pairs
     from activestereo.capture.importers.realsense_folder import frame_files
 
@@ -236,19 +241,22 @@ def _run_recording(args: argparse.Namespace) -> None:
         raise cli.CommandError(f"{args.left}: no infrared pair: its two streams have no images of one time")
     cameras, assumed = _geometry(args, first)
     cli.make_folder(args.out)
-    matcher = _matcher(args, settings, cameras, first)
+    table = depth_table(settings)
+    base = matcher_parameters(settings, matcher_of(StereoDepthSensorConfig(args.sensor)))
+    base |= {"min_depth_m": table.min_depth_m, "max_depth_m": table.max_depth_m}
+    engine = _engine(args, cameras, first.left, base, options.given_parameters(args, MATCHER, RIG))
     done = {path.stem for path in args.out.glob("*.png")}
     facts = {  # all depth images of one folder share them
         "recording": args.left.name, "size": [first.left.shape[1], first.left.shape[0]],
         "K": cameras.left_K.ravel().tolist(), "offset_px": cameras.offset_px, "baseline_m": cameras.baseline_m,
-        "table": asdict(matcher.table), "settings": dict(settings.values),
-        "matcher": {name: value for name, value in matcher.parameters.items() if name != "frame_index"},
+        "table": asdict(table), "settings": dict(settings.values),
+        "matcher": {name: value for name, value in engine.parameters.items() if name != "frame_index"},
     }  # fmt: skip
     _same_run(args.out / _RUN, bool(done), facts)
     fills, count = dict[str, float](), count_pairs(args.left) if is_bag(args.left) else len(frame_files(args.left))
     with ProgressBar(f"matching {args.left.name}") as bar:
         for pair in recorded_pairs(args.left, lambda name: name not in done):
-            image = matcher.image(pair.left, pair.right)
+            image = _image(engine, table, pair)
             write_png(args.out / f"{pair.name}.png", image)
             fills[pair.name] = float(np.mean(image > 0))
             bar(min(1.0, (len(done) + len(fills)) / max(1, count)))
@@ -287,14 +295,12 @@ def _geometry(args: argparse.Namespace, first: Pair) -> tuple[RectifiedPair, lis
     return rectified_pair(device, width, height), assumed
 
 
-def _matcher(args: argparse.Namespace, settings: AdvancedSettings, cameras: RectifiedPair, pair: Pair) -> PairMatcher:
-    from activestereo.camera.advanced_mode.matcher import PairMatcher
-    from activestereo.camera.plan import matcher_parameters
-
-    base = matcher_parameters(StereoDepthSensorConfig(args.sensor))
-    overrides = options.given_parameters(args, MATCHER, RIG)
-    K, device = (cameras.left_K, cameras.right_K), _device(args, overrides)
-    return PairMatcher(K, cameras.baseline_m, pair.left, settings, base, overrides, device)
+def _image(engine: simsense.Engine, table: DepthTable, pair: Pair) -> np.ndarray:
+    """Returns the pair's depth image in the camera's format, uint16, 0 = no measurement. Values are depths in units of
+    the depth table, or disparities in 1/32 pixel if the table says so."""
+    name, unit = ("disparity", 1.0 / _DISPARITY_STEPS) if table.is_disparity else ("depth", table.unit_m)
+    values = np.maximum(np.asarray(engine.compute(pair.left, pair.right, (name,))[name], np.float64), 0.0)
+    return np.clip(np.rint(values / unit), 0, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
 def _same_run(path: Path, has_images: bool, facts: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import activestereo.camera.advanced_mode.matcher as matcher_module
+from activestereo.cli import depth as depth_command
 from activestereo.cli import main
 from activestereo.cli.depth import depth_hints
 
@@ -58,15 +58,15 @@ def test_depth_has_the_settings_units_and_the_recording_stays(recording, tmp_pat
 
 
 def test_a_run_that_was_interrupted_goes_on_and_keeps_what_it_had(recording, tmp_path, monkeypatch, capsys):
-    real, calls = matcher_module.PairMatcher.image, []
+    real, calls = depth_command._image, []
 
-    def second_fails(self, left, right):
+    def second_fails(*given):
         calls.append(1)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return real(self, left, right)
+        return real(*given)
 
-    monkeypatch.setattr(matcher_module.PairMatcher, "image", second_fails)
+    monkeypatch.setattr(depth_command, "_image", second_fails)
     assert depth(recording, tmp_path / "out") != 0
     kept = tmp_path / "out/000000.png"
     first = kept.read_bytes()
