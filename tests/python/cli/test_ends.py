@@ -10,7 +10,6 @@ import pytest
 
 from activestereo.capture.images import write_gray
 from activestereo.cli import main
-from activestereo.common.output_files import left_over, write_text, written_together
 from activestereo.common.phases import Phases
 from activestereo.model import library as model_library
 from activestereo.diagnose.fitter import Fitter
@@ -44,23 +43,6 @@ def test_a_closed_standard_output_is_said_before_any_work():
     assert result.stderr == "activestereo: standard output is closed: send it to a file or to /dev/null\n"
 
 
-def test_files_that_go_together_appear_together_or_not_at_all(tmp_path):
-    (tmp_path / "there").mkdir()
-    (tmp_path / "there/a.txt").write_text("before")
-    with pytest.raises(OSError) as caught, written_together(tmp_path) as aside:
-        (aside / "there").mkdir()
-        write_text(aside / "there/a.txt", "after")
-        raise OSError(28, "No space left on device", str(aside / "there/b.txt"))
-    assert caught.value.filename == str(tmp_path / "there/b.txt")
-    assert [p.name for p in tmp_path.rglob("*")] == ["there", "a.txt"]
-    assert (tmp_path / "there/a.txt").read_text() == "before"
-    with written_together(tmp_path, "7") as aside:
-        (aside / "there").mkdir()
-        write_text(aside / "there/a.txt", "after")
-        assert [name for name, _ in left_over(tmp_path)] == ["7"]
-    assert (tmp_path / "there/a.txt").read_text() == "after" and not list(left_over(tmp_path))
-
-
 def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
     """A file-size limit stands for the disk: the larger files do not fit."""
     rng = np.random.default_rng(0)
@@ -80,19 +62,6 @@ def test_depth_on_a_full_disk_leaves_no_file(tmp_path):
     )  # fmt: skip
     assert result.returncode == 2 and str(out / "depth.npy") in result.stderr, result.stderr
     assert not out.exists()
-
-
-@pytest.mark.parametrize("place", ["write_ply", "write_figure"])
-def test_simulate_on_a_full_disk_leaves_no_file(tmp_path, table_top, monkeypatch, capsys, place):
-    def full(path, *rest):
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr(f"activestereo.cli.simulate.{place}", full)
-    few = ("--resolution", "212x120", "--spp", "1", "--max-bounces", "1")
-    error = refused(["simulate", table_top, *few, "--out", tmp_path / "out"], capsys)
-    name = "cloud.ply" if "ply" in place else "overview.png"
-    assert f"{tmp_path / 'out' / name}" in error and "No space left" in error
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose"])

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from activestereo.capture.capture import CaptureWarning, read_capture
+from activestereo.capture.capture import CaptureWarning
 from activestereo.capture.capture_json import CaptureError
 from activestereo.capture.images import read_gray
 from activestereo.common.input_files import DEEPEST_JSON, MOST_TEXT_BYTES, read_json, read_text, read_toml
@@ -79,12 +79,6 @@ def test_a_target_that_is_no_file_is_refused_before_the_work(target, fifo, tmp_p
     result = run_here(capsys, "calibrate", "noise", frames, "-o", path)
     assert result.returncode == 2 and str(path) in result.stderr and str(frames) not in result.stderr
     assert os.path.lexists(path) and (target != "LOOP" or loop.is_symlink())
-
-
-def test_a_captures_file_that_is_a_pipe_is_a_capture_error(tmp_path):
-    os.mkfifo(tmp_path / "capture.json")
-    with pytest.raises(CaptureError, match="capture.json: cannot be read .*pipe or a device"):
-        read_capture(tmp_path)
 
 
 def test_a_text_larger_than_any_is_not_read(tmp_path):
