@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import weakref
 from pathlib import Path
 
@@ -397,6 +398,25 @@ def test_depth_can_be_stopped_within_a_pair():
     np.testing.assert_array_equal(engine.compute(image, image)["depth"], expected)
 
 
+def test_cancel_reaches_a_compute_of_another_thread():
+    pairs, shape = 400, (240, 320)
+    engine = depth_engine(shape[::-1], 300, batch_count=pairs)
+    images = np.random.default_rng(2).integers(0, 255, (pairs, *shape), dtype=np.uint8)
+    begun, ended = threading.Event(), []
+
+    def work():
+        with pytest.raises(simsense.CancelledError):
+            engine.compute(images, images, ["disparity"], progress=lambda _: begun.set())
+        ended.append(True)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    assert begun.wait(60)
+    engine.cancel()
+    thread.join(60)
+    assert ended
+
+
 def test_a_submission_gives_what_compute_gives():
     """On the CPU device, by either back end, from and into device buffers."""
     device, size = simsense.Device("cpu"), (64, 48)
@@ -412,7 +432,12 @@ def test_a_submission_gives_what_compute_gives():
         engine = depth_engine(size, 60, device, max_disparity=16, back_end=back_end)
         expected = engine.compute(sides[0], sides[1])["depth"]
         submission = engine.submit(left, right, {"depth": depth})
-        assert submission.wait()["depth"] is depth
+        with pytest.raises(ValueError, match="timeout_s"):
+            submission.wait(timeout_s=-1)
+        if back_end == "vulkan":
+            with pytest.raises(TimeoutError, match="goes on"):
+                submission.wait(timeout_s=0)
+        assert submission.wait()["depth"] is depth is submission.wait(timeout_s=0)["depth"]
         np.testing.assert_array_equal(depth.array(), expected)
         found[back_end] = expected
     np.testing.assert_allclose(found["vulkan"], found["cpu"], rtol=1e-6)

@@ -9,14 +9,9 @@ from moving_wall import write_moving_wall
 import kuafu
 
 
-@pytest.fixture
-def wall(tmp_path: Path) -> Path:
-    return write_moving_wall(tmp_path / "wall.gltf")
-
-
-def test_a_camera_sees_what_is_animated(device: kuafu.Device, wall: Path) -> None:
+def test_a_camera_sees_what_is_animated(device: kuafu.Device, tmp_path: Path) -> None:
     scene = kuafu.Scene(device)
-    scene.load(wall)
+    scene.load(write_moving_wall(tmp_path / "wall.gltf"))
     assert scene.summary.animation_count == 2
     assert [scene.animation_name(i) for i in range(2)] == ["go", "bend"]
     assert [scene.animation_duration_s(i) for i in range(2)] == [2.0, 1.0]
@@ -34,9 +29,3 @@ def test_a_camera_sees_what_is_animated(device: kuafu.Device, wall: Path) -> Non
         scene.animate(0.0, 2)
     with pytest.raises(kuafu.ArgumentError, match="finite"):
         scene.animate(float("nan"))
-
-
-def test_a_file_is_loaded_at_a_time(device: kuafu.Device, wall: Path) -> None:
-    scene = kuafu.Scene(device)
-    scene.load(wall, time_s=1.0)
-    assert scene.summary.bounds_min_m[2] == pytest.approx(3.5)

@@ -29,26 +29,6 @@ def renderer(device):
     return kuafu.Renderer(device)
 
 
-def test_a_users_own_set(renderer, scene):
-    names = (
-        "position", "albedo", "projector_uv", "projector_visibility", "projector_geometry", "semantic_id", "motion",
-    )  # fmt: skip
-    images = renderer.render(scene, CAMERA, names, spp=1)
-    u, v = np.meshgrid(np.arange(16), np.arange(12))
-    x, y = (u - 7.5) / 20 * Z, (v - 5.5) / 20 * Z
-    np.testing.assert_allclose(images["position"][0], np.dstack([x, y, np.full_like(x, Z)]), atol=1e-5)
-    np.testing.assert_allclose(
-        images["projector_uv"][0], np.dstack([20 * (x - 0.1) / Z + 31.5, 20 * y / Z + 31.5]), atol=1e-4
-    )
-    np.testing.assert_allclose(
-        images["projector_geometry"][0, ..., 0], Z / ((x - 0.1) ** 2 + y**2 + Z**2) ** 1.5, rtol=1e-5
-    )
-    assert np.all(images["projector_visibility"] == 1)
-    assert np.all(images["semantic_id"] == 5)
-    assert np.all(images["motion"] == 0)
-    np.testing.assert_allclose(images["albedo"], 0.3, rtol=1e-6)
-
-
 def test_dtypes_and_scales(renderer, scene):
     outputs = {
         "depth": np.uint16, "radiance": np.float16, "ambient": "uint8", "light_group_2": None,

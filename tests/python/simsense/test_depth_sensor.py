@@ -173,16 +173,6 @@ def test_engine_gives_maps_and_integer_depth(pair):
         engine.compute(*pair, {"depth": np.uint8})
 
 
-def test_eight_paths_and_a_first_disparity(pair):
-    settings = {
-        "path_count": 8, "min_disparity": 5, "max_disparity": 16, "census_kind": 1, "p2_full_gradient_dn": 20,
-        "roi_x": 40, "roi_width": 80, "roi_height": 96,
-    }  # fmt: skip
-    disparity = depth_engine(SIZE, 120, **settings).compute(*pair, ("disparity",))["disparity"]
-    assert np.median(disparity[:, 44:116]) == pytest.approx(DISPARITY, abs=0.1)
-    assert (disparity[:, :40] == -1).all()
-
-
 def test_each_fault_has_its_switch(pair):
     k_rgb = K * [[2.4], [2.4], [1]] - [[0, 0, 112], [0, 0, 67], [0, 0, 0]]
     rgb = {"rgb_size": SIZE, "k_rgb": k_rgb, "l2rgb": np.eye(4)}
