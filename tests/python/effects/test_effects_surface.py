@@ -154,15 +154,6 @@ def test_the_beams_glow_is_the_sum_of_what_every_piece_of_air_scatters(extinctio
         assert seen_glow[row, column] == pytest.approx(pieces.sum(), rel=0.02)
 
 
-def test_gain_error_changes_the_ratio_of_exposures_and_not_of_equal_ones():
-    view = example_view()
-    signal = np.full(view.shape, 40.0)
-    half = replace(view, frame=replace(view.frame, exposure_s=view.frame.exposure_s / 2))
-    of = lambda v, **p: EFFECTS["gain_error"](signal, v, **p).mean() / 40.0  # noqa: E731
-    assert of(half, exposure_offset_s=1e-4) / of(view, exposure_offset_s=1e-4) == pytest.approx(1.05 / 1.025)
-    assert of(view, log_gain=0.1) == pytest.approx(view.frame.gain**0.1)
-
-
 def test_smoothing_brings_bounced_light_nearer_to_a_long_render(device, table_top):
     camera = kuafu.Camera(96, 64, np.array([[120.0, 0, 47.5], [0, 120.0, 31.5], [0, 0, 1]]), POSE)
     projector = kuafu.Light(kind="projector", k=PROJECTOR_K, ir_intensity=1.0, light_to_world=camera.camera_to_world)

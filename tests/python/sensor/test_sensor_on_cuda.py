@@ -215,27 +215,6 @@ def test_a_batchs_results_are_cudas_too(device: kuafu.Device, monkeypatch: pytes
         StereoDepthSensorBatch(config, Mounts(scene, np.eye(4)[None])).get_cuda("depth")
 
 
-def test_torch_and_the_renderer_have_one_memory(torch_on_a_gpu: Any) -> None:
-    """kuafu renders into a tensor's memory; what PyTorch writes there kuafu reads; no byte is copied between."""
-    torch = torch_on_a_gpu
-    device = kuafu.Device("auto")
-    scene = kuafu.Scene(device)
-    positions = np.float32([[-4, -4, 2], [4, -4, 2], [0, 5, 2]])
-    scene.add_instance(scene.add_mesh(positions, np.uint32([[0, 1, 2]])))
-    camera = kuafu.Camera(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1]]))
-    size = 4 * 48 * 64
-    buffer = kuafu.Buffer(device, size, exportable=True, host_visible=False)
-    tensor = torch.as_tensor(CudaMemory(buffer).array("float32", (1, 48, 64, 1)), device="cuda")
-    renderer = kuafu.Renderer(device)
-    before = device.copied_bytes
-    renderer.render(scene, [camera], outputs={"depth": buffer.image("float32", (1, 48, 64, 1))})
-    assert device.copied_bytes - before < size // 16  # records of scene and camera, no image
-    assert float((tensor - 2.0).abs().max()) < 1e-5
-    tensor.fill_(7.0)
-    torch.cuda.synchronize()
-    assert np.all(buffer.read().view(np.float32) == 7.0)
-
-
 def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: Any) -> None:
     torch = torch_on_a_gpu
     device = simsense.Device("auto")
@@ -256,20 +235,3 @@ def test_torch_gives_the_depth_engine_its_pair_without_a_copy(torch_on_a_gpu: An
     valid = found[:, 32:] > 0
     assert float(valid.float().mean()) > 0.95
     assert float((found[:, 32:][valid] - disparity).abs().median()) < 0.1
-
-
-def test_torch_has_a_batchs_results_where_they_were_made(torch_on_a_gpu: Any) -> None:
-    torch = torch_on_a_gpu
-    scene, _ = world(kuafu.Device("auto"))
-    config = StereoDepthSensorConfig("sapien-D435").scaled(0.25)
-    batch = StereoDepthSensorBatch(config, Mounts(scene, np.tile(np.eye(4), (3, 1, 1))), on_cuda=True)
-    for _ in range(2):
-        with_depth(batch)
-        for name in ("depth", "disparity", "rgba8", "true_depth"):
-            tensor = torch.as_tensor(batch.get_cuda(name), device="cuda")
-            assert tensor.is_cuda and tensor.shape[0] == 3
-            np.testing.assert_array_equal(tensor.cpu().numpy(), getattr(batch, f"get_{name}")())
-    before = scene.device.copied_bytes
-    with_depth(batch)
-    rgba8 = torch.as_tensor(batch.get_cuda("rgba8"), device="cuda")
-    assert scene.device.copied_bytes - before < rgba8.nbytes // 4  # records of scene and cameras, no image
