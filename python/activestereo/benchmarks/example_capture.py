@@ -4,7 +4,6 @@ a quarter of its resolution, and shot and read noise. On request it has an effec
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,6 +17,7 @@ from activestereo.capture.capture import Camera, Capture, Frame, Projector, Rig,
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.capture.write import write_capture
 from activestereo.common.pose import look_at, rigid_motion
+from activestereo.common.progress_bar import Progress
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.effects.core.model import Model
 from activestereo.effects.engines import CaptureRenderer
@@ -38,7 +38,7 @@ HIDDEN = {"radial_distortion": ("k1", 0.01), "vignetting": ("exponent", 3.0), "g
 
 
 def write_example_capture(
-    folder: str | Path, device: str | int = "auto", seed: int = 0, progress: Callable[[float], object] | None = None,
+    folder: str | Path, device: str | int = "auto", seed: int = 0, progress: Progress | None = None,
     samples_per_pixel: int = 64, hidden: str | None = None,
 ) -> Capture:  # fmt: skip
     """Writes the capture as the new folder and returns it. progress: called with the fraction done. hidden: an effect

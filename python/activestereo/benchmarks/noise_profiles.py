@@ -16,7 +16,7 @@ import kuafu
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.output_files import write_json, write_text
 from activestereo.common.pose import CAMERA_TO_BODY, Pose, look_at, rigid_motion
-from activestereo.common.progress_bar import Progress
+from activestereo.common.progress_bar import Progress, silent
 from activestereo.model import SensorModel
 from activestereo.scene_io import solids
 from activestereo.scene_io.bodies import add_mesh
@@ -57,7 +57,7 @@ class Views:
 
 def take_views(
     config: StereoDepthSensorConfig, model: SensorModel | None, count: int, seed: int, device: str | int = "auto",
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Views:  # fmt: skip
     """Simulates the sensor in `count` random rooms and returns their Views. model: its effects act, except those on
     named surfaces, because these rooms lack such surfaces."""
@@ -78,8 +78,7 @@ def take_views(
             sensor.compute_depth()
             seen = sensor.get_pictures(["depth", "albedo"])
             taken.append((seen["depth"][..., 0].copy(), sensor.get_depth().copy(), seen["albedo"].mean(axis=-1)))
-        if progress is not None:
-            progress((number + 1) / count)
+        progress((number + 1) / count)
     truth, found, gray = (np.stack(images).astype(np.float32) for images in zip(*taken, strict=True))
     k = np.array(config.rgb_intrinsic, np.float64)
     return Views(truth, found, gray, k, config.baseline_m, config.min_depth_m, config.max_depth_m)
@@ -343,7 +342,7 @@ PROFILES: dict[str, type[Profile]] = {"isaac": Isaac, "gazebo": Gazebo, "elevati
 
 def export(
     config: StereoDepthSensorConfig, model: SensorModel | None, names: list[str], out: Path, held_out: int = 0,
-    seed: int = 0, device: str | int = "auto", progress: Progress | None = None,
+    seed: int = 0, device: str | int = "auto", progress: Progress = silent,
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Fits the named PROFILES to the sensor, writes their files and profiles.json, and returns the latter's contents.
     For each model these are its file, its parameters, what it cannot express, and the Distance from the sensor in rooms

@@ -5,7 +5,6 @@ realism.html."""
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -26,6 +25,7 @@ from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
 from activestereo.common.output_files import png_bytes, write_json, write_text
+from activestereo.common.progress_bar import Progress, silent
 
 DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
@@ -46,7 +46,7 @@ class Board:
 
 def board(
     captures: list[tuple[Path, Path | None]], sensor: str, samples: int, seed: int, device: str | int,
-    progress: Callable[[float], object] = lambda share: None,
+    progress: Progress = silent,
 ) -> Board:  # fmt: skip
     """Computes the Board of captures. captures: (folder, folder of the device's depth or None); None takes the
     capture's own depth. samples: samples per pixel of simulated images."""

@@ -15,7 +15,7 @@ noise of all sixteen. No product of two parameters is mistaken for the effect of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -30,7 +30,7 @@ import kuafu
 from activestereo.capture.capture import Camera, Capture, Frame
 from activestereo.common import srgb
 from activestereo.common.pose import rigid_motion
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of, silent
 from activestereo.effects.core.surfaces import split_surfaces
 from activestereo.effects.engines.capture_inputs import set_surface
 from activestereo.scene_io.scene_files import load_scene_file
@@ -402,7 +402,7 @@ class Refined:
 
 def refine(
     fit: MaterialFit, theta: NDArray[np.float64], reaches: Sequence[float], samples: int,
-    tell: Callable[[float], object] = lambda fraction: None,
+    tell: Progress = silent,
 ) -> Refined:  # fmt: skip
     """Improves a candidate by Gauss-Newton, once for each of `reaches`. Derivatives come from renders of several
     variants, whose distance from their middle is the reach. samples: per pixel in each half of a variant's render. New

@@ -5,7 +5,6 @@ and the scene's own values. Parameters that the pictures do not determine are re
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from scipy.stats import qmc
 from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.calibrate.material_fit import COLORS, PARAMETERS, MaterialFit, MaterialScene, pictures, refine
 from activestereo.capture.capture import read_capture
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of, silent
 from activestereo.effects.core.surfaces import surface_names, surfaces_of_object
 from activestereo.model import Quantity, SensorModel
 from activestereo.model.diagnosed import calibrated
@@ -71,7 +70,7 @@ class Materials:
 
 def calibrate_materials(
     path: Path, object_name: str, seed: int = 0, device: str = "auto", model: SensorModel | None = None,
-    tell: Callable[[float], object] = lambda fraction: None,
+    tell: Progress = silent,
 ) -> Materials:  # fmt: skip
     """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
     capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
@@ -132,9 +131,7 @@ def calibrate_materials(
     return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
 
 
-def _wide(
-    fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Callable[[float], object]
-) -> list[NDArray[np.float64]]:
+def _wide(fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Progress) -> list[NDArray[np.float64]]:
     """Searches the whole range of the parameters by successive halving. nominal: the scene's own values, a candidate,
     too. Returns the last candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]

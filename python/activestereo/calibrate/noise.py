@@ -30,6 +30,7 @@ from scipy.special import logsumexp
 
 from activestereo.calibrate.least_squares import INTERVAL_90
 from activestereo.calibrate.repeats import LEAST_REPEATS, Repeats, bit_depth, check_still, read_repeats, read_steps
+from activestereo.common.progress_bar import Progress, silent
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Imager, Quantity, SensorModel
 
@@ -236,13 +237,13 @@ class Noise:
 
 def calibrate_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, seed: int = 0,
-    progress: Callable[[float], object] | None = None,
+    tell: Progress = silent,
 ) -> Noise:  # fmt: skip
     """Measures the Noise. frames: repeats, or the path of a folder, stack, capture or EMVA 1288 descriptor file (.txt),
     which lists dark frames, too. dark: repeats without any light, or their path. seed: of the random choice of pixels.
     Raises ValueError with file, number and remedy for fewer than 10 frames, repeats that move, clipped views, and dark
     frames that are not dark."""
-    tell, darks = progress or (lambda fraction: None), list[Repeats]()
+    darks = list[Repeats]()
     if isinstance(frames, list):
         views = frames
     elif frames.suffix == ".txt":

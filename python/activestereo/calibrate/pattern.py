@@ -8,7 +8,6 @@ at two distances gives a line; the lines meet at the projector. With one distanc
 A dot's power follows from its flux in the image, which also depends on the distances and angles of projector and
 camera. power_factor() in wall.py corrects that. wall.py also finds the light between the dots."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from activestereo.capture.capture import SAME_EXPOSURE, SIDES, Capture, Frame, r
 from activestereo.capture.capture import Rig as CaptureRig
 from activestereo.capture.images import read_gray
 from activestereo.common.pose import rigid_motion
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of, silent
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.model import Pattern as SensorPattern
 from activestereo.model import Rig, SensorModel
@@ -113,9 +112,7 @@ class Pattern:
         return "\n".join([*lines, f"light between the dots: {told}"])
 
 
-def calibrate_pattern(
-    path: Path, progress: Callable[[float], object] | None = None, model: SensorModel | None = None
-) -> Pattern:
+def calibrate_pattern(path: Path, tell: Progress = silent, model: SensorModel | None = None) -> Pattern:
     """Measures the Pattern from a capture whose repeat groups show one flat, matt wall, each group from one distance,
     with the projector on.
 
@@ -123,7 +120,6 @@ def calibrate_pattern(
     projector's rotation is always the capture's nominal one. Its position is measured from two distances, and nominal
     for one. Dots' directions are computed with this rig and are wrong for another. Raises ValueError with file, number
     and remedy: too few or moving repeats, a saturated wall, a distorted lens, a surface that is not flat."""
-    tell = progress or (lambda fraction: None)
     capture, source = read_capture(path), f"{path}/capture.json"
     if model is not None and model.rig is not None:
         nominal, own = capture.rig.projector.left_to_projector, model.rig
@@ -166,7 +162,7 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
         raise ValueError(f"{source}: rig.left_to_right: {told}")
 
 
-def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Callable[[float], object]) -> WallView:
+def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Progress) -> WallView:
     if len(frames) < LEAST_REPEATS:
         told = f"{len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
         raise ValueError(f"{name}: {told}")

@@ -5,7 +5,6 @@ lenses, the right camera's pose, and every board's pose. Also draws a picture of
 OpenCV's calibrateCamera (Zhang 2000) gives the start. A bundle adjustment over all unknowns gives the answer and its
 deviations, which are multiplied by 1.1 because corners' errors are not Gaussian."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from activestereo.capture.capture import SIDES, Camera
 from activestereo.capture.images import read_gray
 from activestereo.common.output_files import replace_file
 from activestereo.common.palette import INK, MUTED
+from activestereo.common.progress_bar import Progress
 from activestereo.model import Rig, SensorModel
 
 KINDS = ("chessboard", "charuco", "apriltag")
@@ -184,7 +184,7 @@ class Calibration:
 
 
 def calibrate_rig(
-    path: Path, board: Board, has_lens: bool, known_K: NDArray[np.float64] | None, tell: Callable[[float], object]
+    path: Path, board: Board, has_lens: bool, known_K: NDArray[np.float64] | None, tell: Progress
 ) -> Calibration:
     """Calibrates from PATH/left/*.png and PATH/right/*.png, which are paired by name.
 

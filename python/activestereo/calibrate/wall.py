@@ -18,7 +18,6 @@ between walls at two distances: it falls with the square of the distance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +29,7 @@ from scipy.spatial import cKDTree
 
 from activestereo.common.lens import to_tangents
 from activestereo.common.parabola import vertex
+from activestereo.common.progress_bar import Progress, silent
 
 _SCALES_PX = (0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 _LEAST_SPOTS = 50
@@ -77,10 +77,9 @@ class Spots:
         return replace(self, u=self.u[which], v=self.v[which], flux=self.flux[which])
 
 
-def find_spots(image: np.ndarray, variance: np.ndarray, progress: Callable[[float], object] | None = None) -> Spots:
+def find_spots(image: np.ndarray, variance: np.ndarray, tell: Progress = silent) -> Spots:
     """Finds the spots of an averaged image [height, width], DN, including those that its border cuts. variance: of its
     pixels, DN^2. Raises ValueError for fewer than 50 spots."""
-    tell = progress or (lambda fraction: None)
     image = np.asarray(image, dtype=np.float64)
     # 1. Find the scale of the strong spots' largest response (Lindeberg 1998: a Gaussian's is at its own sigma).
     first = -gaussian_laplace(image, 1.25)

@@ -20,6 +20,10 @@ Progress = Callable[[float], object]
 _Progress = TypeVar("_Progress", Progress, None, Progress | None)
 
 
+def silent(fraction: float) -> None:
+    """A Progress that tells nothing."""
+
+
 def part_of(progress: _Progress, start: float, end: float) -> _Progress:
     """Returns a progress function for one part of the work. It maps the part's fraction 0..1 to start..end of the whole
     and calls `progress`. Returns None if progress is None."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
@@ -26,6 +26,7 @@ from activestereo.benchmarks.generate.studio import Frame, Settings, Studio, phy
 from activestereo.common.input_files import read_bytes, read_json_object
 from activestereo.common.optional import imported
 from activestereo.common.processes import MOST_LOSSES, done_in_pools, process_pool
+from activestereo.common.progress_bar import Progress, silent
 from activestereo.scene_io import usd
 
 _RAY = "ray", "--ray needs the package ray, which is missing: pip install ray", ValueError
@@ -113,7 +114,7 @@ class Done:
 
 def generate(
     settings: Settings, out: Path, count: int, workers: int, part: tuple[int, int] = (1, 1),
-    progress: Callable[[float], object] | None = None, ray: tuple[str, int] | None = None,
+    progress: Progress = silent, ray: tuple[str, int] | None = None,
 ) -> Done:  # fmt: skip
     """Makes frames 0 to count - 1 in BOP's format under `out`. part: (k, n) makes the k-th of n parts of them.
 
@@ -149,8 +150,7 @@ def generate(
     start = time.monotonic()
     made = _make_frames(settings, out, missing, workers) if ray is None else made_by_ray(settings, out, missing, *ray)
     for count_made, _ in enumerate(made, 1):
-        if progress is not None:
-            progress(count_made / len(missing))
+        progress(count_made / len(missing))
     seconds = time.monotonic() - start
     others = sum(not bop.is_done(out, frame) for frame in range(count))
     done = Done(len(missing), len(own) - len(missing), others, seconds)

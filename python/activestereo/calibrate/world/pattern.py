@@ -7,7 +7,7 @@ rotation cannot be told from a rotation of its pattern, so its axes are set to t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 from scipy.stats import t as student
 
 from activestereo.calibrate.world.views import Image, Mask, SceneView, blurred, correlation, points_of
+from activestereo.common.progress_bar import Progress, silent
 
 Vector = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ def _mean(total: Image, count: Image) -> Image:
 
 def recover_pattern(
     views: Sequence[SceneView], K: NDArray[np.float64], start: Vector, max_dn: float, seed: int = 0,
-    scenes: Sequence[int] | None = None, progress: Callable[[float], object] | None = None,
+    scenes: Sequence[int] | None = None, progress: Progress = silent,
 ) -> PatternEstimate:  # fmt: skip
     """Estimates the pattern and the projector's position from views. K: 3x3 of the left camera. start: the projector's
     nominal position in the left camera's frame, m. scenes: scene number of each view, because errors within a scene are
@@ -170,7 +171,7 @@ def sampled(image: Image, u: NDArray, v: NDArray) -> NDArray[np.float32]:
 
 def _sharpest(
     canvas: _Canvas, views: Sequence[DotView], scenes: Sequence[int], start: Vector,
-    progress: Callable[[float], object] | None,
+    progress: Progress,
 ) -> tuple[Vector, NDArray[np.float64]]:  # fmt: skip
     """Returns (position at which the views agree most, its covariance [3, 3] by a jackknife over scenes)."""
     numbers = sorted(set(scenes))
@@ -181,8 +182,7 @@ def _sharpest(
         views, then, if left_out, without each scene. A view's agreement with itself is excluded."""
         nonlocal done
         done += 1
-        if progress:
-            progress(min(done / most, 1.0))
+        progress(min(done / most, 1.0))
         whole = [np.zeros((canvas.height, canvas.width), np.float32) for _ in range(4)]
         own = {number: [image.copy() for image in whole] for number in numbers} if left_out else {}
         for view, number in zip(views, scenes, strict=False):

@@ -6,7 +6,7 @@ true focal length and principal point, as far as views are rotated enough to det
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from activestereo.calibrate.world.overlaps import (
     surface_of,
 )
 from activestereo.calibrate.world.views import SceneView, points_of
+from activestereo.common.progress_bar import Progress, silent
 
 _ROUNDS = 12
 _REACH_M = 0.03
@@ -55,7 +56,7 @@ class PoseEstimate:
 
 
 def group_views(
-    views: Sequence[SceneView], K: NDArray[np.float64], seed: int = 0, progress: Callable[[float], object] | None = None
+    views: Sequence[SceneView], K: NDArray[np.float64], seed: int = 0, progress: Progress = silent
 ) -> tuple[list[Surface], list[Overlap], list[list[int]]]:
     """Finds the overlaps of all views and groups the views into scenes. Returns (surfaces, overlaps, lists of view
     indices, the largest scene first)."""
@@ -67,8 +68,7 @@ def group_views(
         overlap = find_overlap(a, b, surfaces[a], surfaces[b], K)
         if overlap is not None:
             overlaps.append(overlap)
-        if progress:
-            progress((k + 1) / len(pairs))
+        progress((k + 1) / len(pairs))
     scene = list(range(len(views)))
     for overlap in overlaps:
         old, new = scene[overlap.b], scene[overlap.a]

@@ -6,7 +6,6 @@ predicts, must equal the left one's. Depth from another camera or moment, or in 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import Capture, Frame, Rig
 from activestereo.common.lens import to_tangents
+from activestereo.common.progress_bar import Progress, silent
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -46,9 +46,7 @@ class SceneView:
     clipped: float = 0.0
 
 
-def read_views(
-    capture: Capture, progress: Callable[[float], object] | None = None
-) -> tuple[list[SceneView], list[str]]:
+def read_views(capture: Capture, progress: Progress = silent) -> tuple[list[SceneView], list[str]]:
     """Returns (a capture's usable views, messages). There is a message, with reason and remedy, for each frame that is
     rejected or much saturated. Raises ValueError with the first reason if fewer than two views are usable."""
     where = capture.path
@@ -61,8 +59,7 @@ def read_views(
                 views.append(_read(capture, frame))
             except ValueError as error:
                 refused.append(str(error))
-        if progress:
-            progress((k + 1) / len(capture.frames))
+        progress((k + 1) / len(capture.frames))
     if len(views) < 2 and refused:
         raise ValueError(refused[0])
     if not views:

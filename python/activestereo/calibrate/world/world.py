@@ -47,7 +47,7 @@ from activestereo.capture.capture import SIDES, Capture, read_capture
 from activestereo.capture.write import write_capture
 from activestereo.common.output_files import write_png
 from activestereo.common.pose import rigid_motion
-from activestereo.common.progress_bar import part_of
+from activestereo.common.progress_bar import Progress, part_of, silent
 
 # Inverse covariances of (f, cx, cy) around the nominal camera: hardly known, and held.
 _HARDLY_KNOWN, _HELD = np.diag([1 / 40.0**2] * 3), np.diag([1e8] * 3)
@@ -59,8 +59,6 @@ _Z90 = 1.645
 _LEAST_EXPOSURE = 0.005
 # The pattern's image is unknown where nothing shines within a square of this side, in its pixels.
 _LIT_PX = 41
-
-Progress = Callable[[float], object] | None
 
 
 @dataclass
@@ -117,7 +115,7 @@ class World:
 
 def calibrate_world(
     recording: Path, out: Path, steps: Sequence[str] | None = None, test: Sequence[int] = (), seed: int = 0,
-    progress: Progress = None,
+    progress: Progress = silent,
 ) -> list[str]:  # fmt: skip
     """Measures a recording (a capture folder of views with depth) by some of STEPS, None: all. Writes the
     capture `out`, with pictures of each step in `out`/measured. Returns the findings, a line each.
@@ -360,8 +358,7 @@ def _albedo(world: World, seed: int, folder: Path, progress: Progress) -> None:
     textures = []
     for done in range(len(train)):
         textures.append(merged_textures(done, lights, [poses[j] for j in train], estimate, world.K))
-        if progress:
-            progress((done + 1) / len(train) * 0.7)
+        progress((done + 1) / len(train) * 0.7)
     scene = folder / "scene.glb"
     triangles = write_scene(scene, own, [poses[k] for k in train], textures, world.capture.rig.left)
     world.capture = replace(world.capture, scene_path=scene)

@@ -34,6 +34,7 @@ from activestereo.common.baseline import chosen_baseline_m
 from activestereo.common.optional import imported
 from activestereo.common.output_files import write_png
 from activestereo.common.pose import printed_motion
+from activestereo.common.progress_bar import Progress, silent
 
 _STREAMS = {
     "Aligned": re.compile(r"aligned_depth", re.I),  # to colour, or to an infrared stream
@@ -134,7 +135,7 @@ def has_color_depth_alone(path: Path) -> bool:
 
 
 def extract_bag(
-    path: Path, folder: Path, progress: Callable[[float], None] | None = None, baseline_m: float | None = None
+    path: Path, folder: Path, progress: Progress = silent, baseline_m: float | None = None
 ) -> tuple[DeviceText, float | None]:
     """Writes a bag's infrared and depth images into `folder`, named by stream and time as realsense_folder reads them.
     Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
@@ -145,7 +146,7 @@ def extract_bag(
 
 def read_color_depth_bag(
     path: Path, folder: Path, K: NDArray[np.float64] | None = None, depth_scale: float | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = silent,
 ) -> ColorDepthRecording:  # fmt: skip
     """Writes a bag's images into `folder` and returns them as a recording. K and depth_scale, if given, override the
     bag's. Raises ValueError, one line, with the bag and the missing part; also if rosbags is missing."""
@@ -177,7 +178,7 @@ def read_color_depth_bag(
     return ColorDepthRecording(path, "a bag", own, tuple(frames), color=color, assumed=tuple(assumed))
 
 
-def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Callable[[float], None] | None) -> _Content:
+def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Progress) -> _Content:
     """Writes the images of these streams into `folder`. Returns them with the calibration that the bag states."""
     content, start_ms = _Content(path), None
     for topic, message, time_ms, share in _messages(path, streams=streams):
@@ -195,8 +196,7 @@ def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Callabl
                 content.depth_units_m = _ROS2_DEPTH_SCALE_M
         else:
             content.note(topic, message)
-        if progress is not None:
-            progress(share)
+        progress(share)
     return content
 
 

@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import Camera
-from activestereo.capture.importers.color_depth import camera_matrix_of
 from activestereo.capture.importers.frames import INFRARED
 from activestereo.capture.importers.realsense_text import DeviceText, read_device_text
 from activestereo.common.baseline import with_baseline
@@ -276,29 +275,18 @@ _MOST_ROUNDING_PX = 0.01
 
 def read_middlebury(path: Path) -> DeviceText:
     """Reads both rectified cameras from a calib.txt. Raises ValueError with file, key and value."""
-    values, K = dict(_LINE.findall(read_text(path))), []
-
-    def numbers(key: str, is_matrix: bool = False) -> list[float]:
-        if not values.get(key):
-            raise ValueError(f"{path}: {key}: is missing")
-        out = []
-        for word in values[key].strip("[]").replace(";", " ").split() if is_matrix else [values[key]]:
-            try:
-                number = float(word)
-            except ValueError:
-                raise ValueError(f"{path}: {key}: is {shown(word)}, expected a number") from None
-            out.append(float(LENGTH.check(f"{path}: {key}:", number)))
-        return out
-
-    for key in ("cam0", "cam1"):
-        K.append(camera_matrix_of(path, key, numbers(key, is_matrix=True)))
-    (doffs,) = numbers("doffs") if "doffs" in values else [float(K[1][0, 2] - K[0][0, 2])]
-    if abs(K[1][0, 2] - K[0][0, 2] - doffs) > _MOST_ROUNDING_PX:
-        raise ValueError(f"{path}: doffs: is {doffs:g}, expected cx1 - cx0, which is {K[1][0, 2] - K[0][0, 2]:g} px")
-    (width,), (height,), (baseline_mm,) = numbers("width"), numbers("height"), numbers("baseline")
-    for key, side in (("width", width), ("height", height)):
-        SIDE.check(f"{path}: {key}:", int(side) if side.is_integer() else side)
-    return DeviceText.of_pair(path, [Camera(int(width), int(height), own) for own in K], 1e-3 * baseline_mm)
+    texts = _LINE.findall(read_text(path))
+    entry = Entry(str(path), {key: text.strip("[]").replace(";", " ").split() for key, text in texts})
+    K = [_matrix(entry, entry.numbers((9,), PIXEL, key).reshape(3, 3), key) for key in ("cam0", "cam1")]
+    apart_px = K[1][0, 2] - K[0][0, 2]
+    doffs = entry.numbers((1,), PIXEL, "doffs")[0] if entry.has("doffs") else apart_px
+    if abs(apart_px - doffs) > _MOST_ROUNDING_PX:
+        entry.fail("doffs", f"is {doffs:g}, expected cx1 - cx0, which is {apart_px:g} px")
+    (width,), (height,), (baseline_mm,) = (
+        entry.numbers((1,), limits, key) for key, limits in (("width", SIDE), ("height", SIDE), ("baseline", LENGTH))
+    )
+    cameras = [Camera(int(width), int(height), own) for own in K]
+    return DeviceText.of_pair(path, cameras, float(1e-3 * baseline_mm))
 
 
 # JSON is YAML, and OpenCV's FileStorage writes both.

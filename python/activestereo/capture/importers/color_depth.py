@@ -15,10 +15,10 @@ Depth lies on the colour image's pixels, as if one camera took both, unless the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from activestereo.common.limits import camera_matrix_fault
 from activestereo.common.output_files import png_bytes
 from activestereo.common.own_files import own_file
 from activestereo.common.pose import printed_motion, rigid_motion
+from activestereo.common.progress_bar import Progress, silent
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.parts import read_parts
 
@@ -62,13 +63,14 @@ class ColorDepthRecording:
     assumed: tuple[str, ...] = ()
 
 
-def camera_matrix_of(path: Path, key: str, values: object) -> NDArray[np.float64]:
-    """Checks nine numbers, row by row, as a camera matrix and returns it as 3x3. Raises ValueError with file, key and
-    value."""
+def camera_matrix_of(path: Path, key: str, values: object, order: Literal["C", "F"] = "C") -> NDArray[np.float64]:
+    """Checks nine numbers as a camera matrix and returns it as 3x3. order: "C" row by row, "F" column by column. Raises
+    ValueError with file, key and value."""
     try:
-        K = np.array(values, dtype=np.float64).reshape(3, 3)
+        K = np.array(values, dtype=np.float64).reshape(9).reshape(3, 3, order=order)
     except (TypeError, ValueError):
-        raise ValueError(f"{path}: {key}: is {values!r}, expected nine numbers") from None
+        told = "nine numbers, row by row" if order == "C" else "nine numbers, column by column"
+        raise ValueError(f"{path}: {key}: is {values!r}, expected {told}") from None
     if (fault := camera_matrix_fault(K)) is not None:
         raise ValueError(f"{path}: {key}: {K.ravel().tolist()} {fault}")
     return K
@@ -82,7 +84,7 @@ def image_files(folder: Path) -> dict[str, Path]:
 
 def write_color_depth(
     recording: ColorDepthRecording, out: Path, baseline_m: float, projector: Projector, pattern: NDArray[np.uint8],
-    scene: Path | None = None, progress: Callable[[float], None] | None = None,
+    scene: Path | None = None, progress: Progress = silent,
 ) -> Capture:  # fmt: skip
     """Writes a recording as the capture `out`, which must not exist, and returns it. baseline_m, projector, pattern:
     the preset's, because such a recording has none. scene: a glTF file in place of the recording's. Raises ValueError
@@ -174,12 +176,7 @@ def read_open3d(
     if K is None:
         if "intrinsic_matrix" not in intrinsics:
             raise ValueError(f"{path}: intrinsic_matrix: is missing: give --k FX,FY,CX,CY")
-        key, given = "intrinsic_matrix", intrinsics["intrinsic_matrix"]
-        try:
-            values = np.array(given, dtype=np.float64).reshape(3, 3).T
-        except (TypeError, ValueError):
-            raise ValueError(f"{path}: {key}: is {given!r}, expected nine numbers, column by column") from None
-        K = camera_matrix_of(path, key, values)
+        K = camera_matrix_of(path, "intrinsic_matrix", intrinsics["intrinsic_matrix"], "F")
     colors, depths = image_files(folder / "color"), image_files(folder / "depth")
     if not depths:
         raise ValueError(f"{folder / 'depth'}: holds no PNG files")

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from activestereo.capture.capture import SIDES, Capture
-from activestereo.capture.images import image_size, read_color, read_gray
+from activestereo.capture.images import block_means, image_size, read_color, read_gray
 from activestereo.capture.write import write_capture
 from activestereo.common.input_files import read_text
 from activestereo.common.pose import rigid_motion
+from activestereo.common.progress_bar import Progress, silent
 
 INFRARED = ("Infrared 1", "Infrared 2")  # the left and the right camera, as librealsense calls them
 
@@ -98,15 +99,14 @@ def _show_same_view(image: NDArray, other: NDArray) -> bool:
     difference = first - scale * second
     difference -= difference.mean(axis=1, keepdims=True)
     difference -= difference.mean(axis=0)
-    rows, columns = (length // _SIDE for length in difference.shape)
-    whole = difference[: rows * _SIDE, : columns * _SIDE]
-    means = whole.reshape(rows, _SIDE, columns, _SIDE).mean(axis=(1, 3))
-    return bool(means.var() <= _MOST_SLOW * whole.var())
+    rows, columns = (length // _SIDE * _SIDE for length in difference.shape)
+    whole = difference[:rows, :columns]
+    return bool(block_means(whole, _SIDE).var() <= _MOST_SLOW * whole.var())
 
 
 def write_frames(
     capture: Capture, pattern: NDArray[np.uint8], views: Sequence[Hashable] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = silent,
 ) -> Capture:  # fmt: skip
     """Reads the images that a capture's frames name, writes the capture at its path, which must not exist, and returns
     it. It writes an empty scene if scene_path is the path's scene.gltf. 16-bit infrared images without pixels above 255
@@ -136,8 +136,7 @@ def write_frames(
             seen.append(images[frame.id, "left"])
         else:
             seen.append(colors[frame.id][..., 1] if frame.id in colors else depths[frame.id])
-        if progress is not None:
-            progress((number + 1) / len(frames))
+        progress((number + 1) / len(frames))
     if views is not None:
         groups = repeat_groups(seen, views)
         frames = tuple(replace(frame, repeat_group=group) for frame, group in zip(frames, groups, strict=True))

@@ -7,7 +7,7 @@ the viewer, and left/000001.png beside right/000001.png. Without such numbers, n
 stream's word: left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from activestereo.capture.capture import Capture, ColorCamera, Frame, Projector,
 from activestereo.capture.images import image_size
 from activestereo.capture.importers.frames import pose_at, write_frames
 from activestereo.capture.importers.realsense_text import DeviceText
+from activestereo.common.progress_bar import Progress, silent
 
 _STREAMS = {
     "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
@@ -173,7 +174,7 @@ def import_realsense(
     files: list[FrameFiles], device: DeviceText, out: Path, projector: Projector, pattern: NDArray[np.uint8],
     depth_scale: float = DEPTH_SCALE_M, scene: Path | None = None,
     trajectory: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None, exposures_s: Sequence[float] = (0.008,),
-    robot: RobotPoses | None = None, progress: Callable[[float], None] | None = None,
+    robot: RobotPoses | None = None, progress: Progress = silent,
 ) -> Capture:  # fmt: skip
     """Writes frames as the capture `out`, which must not exist, and returns it.
 
