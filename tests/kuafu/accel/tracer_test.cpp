@@ -292,23 +292,6 @@ TEST_P(Tracers, ALargeSceneAfterFewAndManyChangesIsOneThatWasMadeSo) {
   }
 }
 
-TEST_P(Tracers, ASlotThatMovedAndIsFilledAnewInAnotherEnvironmentLeavesItsFormerOne) {
-  Scene scene = instanced_world(48, 600, 8.0);
-  Random random(50);
-  const std::vector<TestRay> rays = rays_of_environments(2, 49, 500, 8.0, random);
-  Instance instance = place(scene.instances()[7].mesh, random_pose(random, 8.0));
-  uint32_t id = 7;
-  expect_like_new(scene, 2, rays, "at first");
-  scene.set_instance_pose(id, random_pose(random, 8.0));
-  expect_like_new(scene, 2, rays, "moved");
-  for (const uint32_t environment : {1u, 0u}) {
-    scene.remove_instance(id);
-    instance.environment = environment;
-    id = scene.add_instance(instance);
-    expect_like_new(scene, 2, rays, "in another environment");
-  }
-}
-
 TEST_P(Tracers, RemovedMeshesAreForgottenAndTheirNeighboursStay) {
   Random random(43);
   Scene scene;

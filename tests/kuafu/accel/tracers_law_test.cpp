@@ -50,45 +50,6 @@ TEST_P(OtherTracer, gives_the_image_of_the_own_bvh) {
   EXPECT_LT(glossy, 5e-3);
 }
 
-struct Estimate {
-  double mean, standard_error;
-};
-
-/// Of the mean over the image, from 64 seeds.
-std::map<uint32_t, Estimate> mean_over_seeds(uint32_t tracer, uint64_t first_seed, const std::vector<uint32_t>& outputs) {
-  constexpr int seeds = 64;
-  World world(tracer);
-  furnish(world, true);
-  world.desc().samples_per_pixel = 4;
-  const kuafu_view_desc small = view_at({0, 0, 0}, 24, 18, 19);
-  std::map<uint32_t, std::vector<double>> means;
-  for (int i = 0; i < seeds; ++i) {
-    world.desc().seed = first_seed + uint64_t(i);
-    for (const auto& [output, pixels] : world.render({small}, outputs)) means[output].push_back(pixels.mean());
-  }
-  std::map<uint32_t, Estimate> estimates;
-  for (const auto& [output, values] : means) {
-    double sum = 0, squares = 0;
-    for (const double v : values) sum += v;
-    const double mean = sum / seeds;
-    for (const double v : values) squares += (v - mean) * (v - mean);
-    estimates[output] = {mean, std::sqrt(squares / (seeds - 1) / seeds)};
-  }
-  return estimates;
-}
-
-TEST_P(OtherTracer, has_no_bias_against_the_own_bvh_over_64_seeds) {
-  const std::vector<uint32_t> outputs = {KUAFU_OUTPUT_RADIANCE, KUAFU_OUTPUT_PROJECTOR_DIRECT, KUAFU_OUTPUT_PROJECTOR_INDIRECT,
-                                         KUAFU_OUTPUT_AMBIENT};
-  auto own = mean_over_seeds(KUAFU_TRACER_COMPUTE, 1000, outputs), other = mean_over_seeds(GetParam().tracer, 2000, outputs);
-  for (const uint32_t output : outputs) {
-    const Estimate &a = own[output], &b = other[output];
-    EXPECT_GT(a.mean, 0.0);
-    EXPECT_LT(a.standard_error, 0.08 * a.mean) << "too noisy to tell";
-    EXPECT_LT(std::abs(a.mean - b.mean), 3 * std::hypot(a.standard_error, b.standard_error)) << "output " << output;
-  }
-}
-
 /// The ball of `furnish`, pressed flat and moved.
 Shape pressed(Shape ball) {
   for (size_t i = 0; i < ball.positions.size(); i += 3) {

@@ -107,11 +107,5 @@ TEST(Dispersion, keeps_every_channels_energy) {
   }
 }
 
-TEST(Dispersion, of_nothing_parts_nothing) {
-  const Glass g = prism(1.5f, 0, true);
-  EXPECT_FALSE(parts_colors(g.dispersion, g.thin));
-  for (uint c = 0; c < 3; ++c) EXPECT_EQ(channel_eta(g.eta, g.dispersion, c), g.eta);
-}
-
 }  // namespace
 }  // namespace kuafu

@@ -109,17 +109,6 @@ TEST(ThinGlass, lets_through_and_reflects_as_a_plate_does) {
       }
 }
 
-TEST(ThinGlass, that_is_clear_loses_nothing_however_rough) {
-  for (const float ior : {1.1f, 1.5f, 2.0f})
-    for (const float roughness : {0.0f, 0.1f, 0.4f, 0.7f, 1.0f})
-      for (const double angle : {0.0, 1.1, pi + 0.5}) {
-        World world;
-        world.add(pane(50), sheet(ior, 1, roughness), placed({0, 0, 1}, angle));
-        world.set_environment(1.0f);
-        EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 8, 8, 2000), 128).mean(), 1, 0.01) << ior << " " << roughness << " " << angle;
-      }
-}
-
 TEST(ThinGlass, leaves_rays_straight) {
   // The border of a bright half plane stands in the same column with a tilted pane before it and without.
   double column[2];

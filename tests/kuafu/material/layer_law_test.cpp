@@ -85,26 +85,12 @@ kuafu_material_desc coated(kuafu_material_desc m, float weight, float roughness)
   return m;
 }
 
-kuafu_material_desc white_metal(float roughness) {
-  kuafu_material_desc m = lambert(1);
-  m.metallic = 1;
-  m.roughness = roughness;
-  return m;
-}
-
 TEST(Clearcoat, over_black_reflects_what_fresnel_says) {
   for (const float weight : {1.0f, 0.4f})
     for (const double angle : {0.0, 0.8, 1.3})
       EXPECT_NEAR(in_furnace(coated(lambert(0), weight, 0), angle, 128).mean(), weight * reflectance(angle, 1.5), 2e-3)
           << weight << " " << angle;
   EXPECT_LT(in_furnace(coated(lambert(0), 1, 1), 1.3, 128).mean(), 0.7 * reflectance(1.3, 1.5)) << "facets of all tilts";
-}
-
-TEST(Clearcoat, over_white_loses_nothing) {
-  for (const double angle : {0.2, 1.1}) {
-    EXPECT_NEAR(in_furnace(coated(lambert(1), 1, 0.3f), angle, 128).mean(), 1, 0.01) << angle;
-    EXPECT_NEAR(in_furnace(coated(white_metal(0), 1, 0), angle, 128).mean(), 1, 0.01) << angle;
-  }
 }
 
 TEST(Clearcoat, over_glass_is_not_there) {

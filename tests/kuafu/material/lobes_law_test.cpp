@@ -168,26 +168,6 @@ TEST(Anisotropy, follows_the_texture_coordinates_and_turns_counter_clockwise) {
   EXPECT_NEAR(brushed({0, -0.8, 0}, float(pi / 4), true), along, 0.02 * along) << "the rotation turns the texture's direction on";
 }
 
-// A smooth film of 1.8 on a black base of 1.5, at normal incidence: Airy's sum at 850 nm.
-TEST(Iridescence, of_a_mirror_is_airys_sum) {
-  const double ior = 1.8, base = 1.5, r12 = (1 - ior) / (1 + ior), r23 = (ior - base) / (ior + base);
-  for (const double thickness_nm : {0.0, 118.0, 236.0}) {
-    kuafu_material_desc m = lambert(0);
-    m.specular = 1;
-    m.roughness = 0;
-    m.iridescence = 1;
-    m.iridescence_ior = float(ior);
-    m.iridescence_thickness_nm = float(thickness_nm);
-    World world;
-    world.add(textured_plane(), m, placed({0, 0, 1}));
-    world.set_environment(1.0f);
-    const double turn = 2 * r12 * r23 * std::cos(4 * pi * ior * thickness_nm / 850);
-    const double airy = (r12 * r12 + r23 * r23 + turn) / (1 + r12 * r12 * r23 * r23 + turn);
-    const double bare = std::pow((base - 1) / (base + 1), 2);
-    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 4, 4, 20000), 16).mean(), thickness_nm > 0 ? airy : bare, 2e-3) << thickness_nm;
-  }
-}
-
 // A ray meets the slanted face of a prism from inside, after the face before it at a right angle, and leaves by Snell's law: a strip that
 // stands where one channel goes is seen in that channel alone.
 TEST(Dispersion, of_a_prism_is_snells) {
