@@ -83,7 +83,7 @@ def test_input_is_not_written(pair):
         {"block_width": 8}, {"block_width": 17, "block_height": 17}, {"p1_penalty": 0}, {"p1_penalty": 86},
         {"p2_penalty": 224}, {"uniqueness_ratio": 256}, {"uniqueness_ratio": -1}, {"lr_max_diff": -2},
         {"median_filter_size": 4}, {"speckle_shape": 1.0}, {"rgb_size": SIZE}, {"k_rgb": K},
-        {"k_rgb": K, "rgb_size": SIZE},
+        {"k_rgb": K, "rgb_size": SIZE}, {"mode": "exact"},
     ],
 )  # fmt: skip
 def test_out_of_range_is_a_value_error_and_a_type_error(settings):
@@ -139,38 +139,6 @@ def test_registers_to_the_rgb_camera(pair):
     depth = make(rgb_size=(320, 192), k_rgb=k_rgb, l2rgb=np.eye(4), depth_dilation=True).compute(*pair)
     assert depth.shape == (192, 320)
     assert np.median(depth[depth > 0]) == pytest.approx(0.5, rel=0.002)
-
-
-def test_exact_mode_keeps_every_fault(pair):
-    """For a rectified pair only the parabola and the rectifier's focal length count;
-    tests/simsense/engine/published_test.cpp proves the bits."""
-    exact, fixed = make(mode="simsense-exact"), make()
-    assert exact.engine.parameters["subpixel"] == 1 and fixed.engine.parameters["subpixel"] == 2
-    assert exact.engine.parameters["census_contrast"] == 0 and fixed.engine.parameters["census_contrast"] > 0
-    k_r = K.copy()
-    k_r[0, 2] += 3  # SimSense does not heed it
-    moved = simsense.DepthSensor(SIZE, K, k_r, L2R, rectified=True, max_disp=32, mode="simsense-exact").compute(*pair)
-    both = (moved > 0) & (exact.compute(*pair) > 0)
-    assert both.mean() > 0.7
-    assert np.median(moved[both]) == pytest.approx(0.5, rel=0.03)
-    with pytest.raises(TypeError, match="mode"):
-        make(mode="exact")
-
-
-def test_engine_gives_maps_and_integer_depth(pair):
-    engine = depth_engine(SIZE, 120, rgb=simsense.Camera(*SIZE, K), left_to_rgb=np.eye(4), max_disparity=32)
-    rgb = np.random.default_rng(2).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
-    out = engine.compute(*pair, ("depth", "disparity", "confidence", "reason", "points_colored"), rgb=rgb)
-    depth, reason = out["depth"], out["reason"]
-    np.testing.assert_array_equal(depth > 0, reason == simsense.REASONS.index("valid"))
-    assert out["confidence"].min() >= 0 and out["confidence"].max() <= 1
-    seen = out["points_colored"][..., 2] > 0
-    np.testing.assert_array_equal(out["points_colored"][seen][:, 3:], (rgb[seen] / np.float32(255)).astype(np.float32))
-    whole = engine.compute(*pair, {"depth": np.uint16, "disparity": "int16"})
-    np.testing.assert_array_equal(whole["depth"], np.rint(depth * 1000))
-    np.testing.assert_array_equal(whole["disparity"], np.rint(out["disparity"] * 16))
-    with pytest.raises(simsense.ArgumentError, match="u16"):
-        engine.compute(*pair, {"depth": np.uint8})
 
 
 def test_each_fault_has_its_switch(pair):

@@ -51,12 +51,6 @@ def test_an_empty_background_beside_a_thing_gets_no_depth(model, light_dn):
     assert _fill(model, light, background) < 0.01
 
 
-def test_without_the_check_the_background_gets_the_things_depth():
-    light = np.zeros((_HEIGHT, _WIDTH))
-    light[:, 180:230] = _dots(6.0, 0.0)[:, 180:230]
-    assert _fill("D435", light, np.s_[:, :140], 0, min_detection_sigma=0) > 0.5
-
-
 @pytest.mark.parametrize("room_dn", [45.0, 0.0])
 @pytest.mark.parametrize("model", ["D415", "D435"])
 def test_dots_of_a_recordings_strength_keep_their_pixels(model, room_dn):
