@@ -16,7 +16,7 @@ from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer
 from virtual_sensor.world import make_world
 
-TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 3
+TIMES = 200 if os.environ.get("ACTIVESTEREO_FULL") else 2
 HAZE = {"extinction_per_m": 0.6, "backscatter": 1.0, "housing_m": 0.05}
 EFFECTS = [builtin()[name] for name in ("haze", "vignetting")]
 
