@@ -222,7 +222,7 @@ def test_counts_that_end_abruptly_are_the_black_level():
     light = rng.gamma(1.0, 3.0, (200, 300))
     ends = np.rint(np.maximum(light + 4.0, 4.0)).astype(np.float32)
     thins_out = np.rint(rng.normal(30.0, 4.0, (200, 300))).astype(np.float32)
-    view = SceneView(None, ends, ends, ends, ends > 0, 1.0)
+    view = SceneView(None, ends, ends, ends, ends > 0)
     assert black_level([view]) == (4.0, pytest.approx(0.4))
     blurred = cv2.GaussianBlur(ends + rng.normal(0.0, 0.4, ends.shape).astype(np.float32), (0, 0), 0.6)
     level, deviation = black_level([replace(view, left=blurred, right=blurred)])
@@ -243,7 +243,7 @@ def test_two_exposures_of_one_place_tell_response_and_black_level(exponent):
     def view(light, exposure):
         dn = np.rint(4.0 + 230.0 * (light * exposure / 600.0) ** exponent + rng.normal(0.0, 0.4, light.shape))
         dn = dn.astype(np.float32)
-        return SceneView(SimpleNamespace(exposure_gain=exposure), dn, dn, dn, dn > 0, 1.0)
+        return SceneView(SimpleNamespace(exposure_gain=exposure), dn, dn, dn, dn > 0)
 
     views = [view(light, 1.0), view(elsewhere, 0.5)]
     assert response_of(views, 255) is None and response_of([view(light, 1.0)] * 2, 255) is None
@@ -260,7 +260,7 @@ def test_the_squares_of_a_board_are_not_taken_for_dots():
     image = (4.0 + albedo * (60.0 + 5.0 * dots) + rng.normal(0.0, 0.5, shape)).astype(np.float32)
     depth = np.ones(shape, np.float32)
     pattern = PatternEstimate(dots, K, np.zeros(3), np.eye(3), {})
-    light = light_view(SceneView(None, image, image, depth, depth > 0, 1.0), K, pattern)
+    light = light_view(SceneView(None, image, image, depth, depth > 0), K, pattern)
     assert light.amplitude[30:-30, 30:130].mean() == pytest.approx(5.0, rel=0.1)
     assert light.amplitude[30:-30, 190:-30].std() < 0.3 * 0.6 * 5.0  # squares of 48 DN, dots of 3 DN in the mean
 

@@ -6,7 +6,7 @@ predicts, must equal the left one's. Depth from another camera or moment, or in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -34,15 +34,13 @@ _LEAST_DEPTH = 0.2
 @dataclass(frozen=True)
 class SceneView:
     """A frame's images [height, width]. left, right: DN. depth_m: 0 = none. surface: mask of measured depth far from
-    edges. agreement: correlation of both cameras' high-pass images at that depth. clipped: saturated share of the left
-    image."""
+    edges. clipped: saturated share of the left image."""
 
     frame: Frame
     left: Image
     right: Image
     depth_m: Image
     surface: Mask
-    agreement: float
     clipped: float = 0.0
 
 
@@ -94,15 +92,14 @@ def _read(capture: Capture, frame: Frame) -> SceneView:
         raise ValueError(
             f"{name}: only {100 * (depth > 0).mean():.0f} % of its depth is measured: come nearer, or leave it out"
         )
-    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), 0.0, clipped)
-    agreement = _agreement(view, capture.rig)
-    if agreement < _LEAST_AGREEMENT:
+    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), clipped)
+    if (agreement := _agreement(view, capture.rig)) < _LEAST_AGREEMENT:
         raise ValueError(
             f"{name}: depth does not belong to the pair: at its disparity the images correlate {agreement:.2f} (0.85 "
             "and more where it does): check that depth is of the same moment, in the left camera's pixels, and "
             "its scale"
         )
-    return replace(view, agreement=agreement)
+    return view
 
 
 def near_edges(depth_m: Image, width_px: int = EDGE_PX) -> Mask:

@@ -176,7 +176,7 @@ def _exponent(seen: Seen, less: Mapping[int, Image]) -> tuple[float, float]:
             blurred(light * surface, _WHOLE_PX) / np.maximum(blurred(surface, _WHOLE_PX), 1e-3)
             for light in (image.dn - taken, seen.light.dots[k])
         )
-        view = SceneView(image.frame, image.whole, right.whole, image.depth_m, image.usable, 1.0)
+        view = SceneView(image.frame, image.whole, right.whole, image.depth_m, image.usable)
         own = view, points_of(image.depth_m, image.K), whole, dots, whole, dots, image.geometry, image.r2()
         views.append(LightView(*own, image.usable & (image.geometry > LEAST_GEOMETRY)))
     poses = [room.pose(room.images[k]) for k in less]

@@ -98,5 +98,5 @@ def _surface(session: Room, rng: np.random.Generator) -> Surface:
     left, right = (capture.ir(frame, side).astype(np.float32) for side in ("left", "right"))
     depth = capture.depth(frame)
     assert depth is not None
-    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth), 1.0)
+    view = SceneView(frame, left, right, depth, (depth > 0) & ~near_edges(depth))
     return surface_of(view, capture.rig.left.K, rng)
