@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Implements `activestereo add`: adds an effect to a sensor model or changes its parameters. Implements `activestereo
-model show | diff | export`: prints a model, compares two, or exports one as other simulators' noise models."""
+model show | export`: prints a model, or exports one as other simulators' noise models."""
 
 import argparse
 from pathlib import Path
@@ -29,13 +29,11 @@ A sensor model (model.json) in words, and in what other simulators have.
 
   show   what a model says: calibration, pattern, imager, effects, materials, and what the
          fit left over; which of its parts the engines simulate, and which cost a copy
-  diff   what two models say differently
   export fits the noise models of other simulators to a model, or to a preset, by simulating it in
          rooms of solids; writes their own files and says what they cannot express
 
 examples:
   activestereo model show out/diagnosis/model.json
-  activestereo model diff before.json after.json
   activestereo model export model.json --to isaac,gazebo -o out/profiles
   activestereo model export D435 --held-out 5 -o out/profiles
 """
@@ -53,14 +51,11 @@ def add_parser(commands: cli.Commands) -> None:
     cli.add_shared(parser, effects=True)
     text = "the model to write; may be the same file"
     parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
-    parser = cli.add_command(commands, "model", "show a sensor model in words, tell two apart, export it", _TEXT)
+    parser = cli.add_command(commands, "model", "show a sensor model in words, export it", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     show = cli.add_command(actions, "show", "what models say", "", run_show)
     show.add_argument("files", nargs="+", type=Path, metavar="FILE", help="model.json")
-    diff = cli.add_command(actions, "diff", "what two models say differently", "", run_diff)
-    diff.add_argument("files", nargs=2, type=Path, metavar="FILE", help="model.json")
-    for action in (show, diff):
-        cli.add_shared(action, effects=", where a model has some", json=True)
+    cli.add_shared(show, effects=", where a model has some", json=True)
     export = cli.add_command(actions, "export", "as noise models of other simulators", "", run_export)
     export.add_argument("model", metavar="MODEL", help="model.json, or the name of a preset")
     text = f"comma-separated: {', '.join(EXPORTS)} (default: all)"
@@ -132,20 +127,6 @@ def run_show(args: argparse.Namespace) -> None:
     many = len(args.files) > 1
     texts = [f"{file}: " * many + show(read_model(file, effects)) for file in args.files]
     print(wrapped_lines("\n\n".join(texts).splitlines()))
-
-
-def run_diff(args: argparse.Namespace) -> None:
-    from activestereo.model import read_model
-    from activestereo.model.library import library
-    from activestereo.model.words import diff, differences
-
-    effects = library(*args.effects)
-    models = [read_model(file, effects) for file in args.files]
-    if args.json:
-        cli.print_json(differences(*models))
-    else:
-        lines = (line[0] + wrapped_lines([f" {line[1:]}"])[1:] for line in diff(*models).splitlines())
-        print("\n".join(lines) or "the two say the same")
 
 
 def run_export(args: argparse.Namespace) -> None:

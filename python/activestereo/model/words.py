@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Describes a sensor model, and the differences between two models, as text."""
+"""Describes a sensor model as text."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from difflib import unified_diff
-from typing import Any
+from collections.abc import Mapping
 
 from activestereo.common.lens import is_distorting
 from activestereo.model.model import NOISE_TERMS, Quantity, SensorModel
-from activestereo.model.write import model_json
 
 _NUISANCE_WORDS = {
     "projector_scale": "projector's scale",
@@ -61,32 +58,6 @@ def show(model: SensorModel) -> str:
         lines.append("left over by the fit (engine)")
         lines += [f"  {_NUISANCE_WORDS[name]}: {quantity_text(q)}" for name, q in model.nuisances.items()]
     return "\n".join(lines)
-
-
-def diff(first: SensorModel, second: SensorModel) -> str:
-    """Returns the description lines that only the first model has (-) or only the second (+); empty if both are
-    equal."""
-    lines = list(unified_diff(show(first).splitlines(), show(second).splitlines(), n=0, lineterm=""))[2:]
-    return "\n".join(line for line in lines if not line.startswith("@@"))
-
-
-def differences(first: SensorModel, second: SensorModel) -> dict[str, list[Any]]:
-    """Returns {name: [the first model's value, the second's]} of all values that differ; None = absent. Names are paths
-    such as effects.vignetting.exponent.value."""
-    said = [dict(_leaves(model_json(model), "")) for model in (first, second)]
-    names = [name for name in dict.fromkeys([*said[0], *said[1]]) if said[0].get(name) != said[1].get(name)]
-    return {name: [values.get(name) for values in said] for name in names}
-
-
-def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, list) and value and all(isinstance(part, dict) and "id" in part for part in value):
-        value = {part["id"]: part["parameters"] | {k: v for k, v in part.items() if k not in ("id", "parameters")}
-                 for part in value}  # fmt: skip
-    if not isinstance(value, dict):
-        yield name, value
-        return
-    for key, part in value.items():
-        yield from _leaves(part, f"{name}.{key}".removeprefix("."))
 
 
 def quantity_text(q: Quantity) -> str:

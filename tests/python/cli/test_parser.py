@@ -160,7 +160,7 @@ def test_a_shell_gets_the_words_that_were_meant():
     "words",
     [
         ("add", "projector_defocus", "-o", "model.json"), ("model", "show", "model.json"),
-        ("model", "diff", "model.json", "model.json"), ("depth", "left.png", "right.png", *_RIG, "-o", "depth"),
+        ("depth", "left.png", "right.png", *_RIG, "-o", "depth"),
         ("depth", "left.png", "right.png", *_RIG, "-o", "depth", "--verbose"), ("depth", "table", "-o", "again"),
         ("pair", "left.png", "right.png", *_RIG, "-o", "pair"),
         ("effect", "list"), ("effect", "check", "vignetting"), ("presets",), ("doctor",),
