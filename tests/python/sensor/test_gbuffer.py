@@ -95,10 +95,10 @@ def test_a_seed_of_numpy_is_a_seed(config, sensor, seed):
 
 
 @pytest.mark.parametrize("seed", [2**64, -1, 1.5, "5", None, True, np.int64(-3), [2**64], [None]])
-def test_a_seed_that_is_none_is_told_with_seeds_that_are(config, seed):
+def test_a_seed_that_is_none_is_told_with_seeds_that_are(sensor, seed):
     with pytest.raises(ValueError, match=f"the seed .*expected .*0 to {2**64 - 1}"):
-        GBufferStereo(config).restart(seed)
-    GBufferStereo(config).restart(2**64 - 1)
+        sensor.restart(seed)
+    sensor.restart(2**64 - 1)
 
 
 @pytest.mark.parametrize("right", [3, "depth", np.zeros((1, 120, 160)), [np.zeros((1, 120, 160))]])
@@ -213,10 +213,9 @@ def test_holes_have_causes_and_only_holes_of_g_buffers_and_of_the_traced_sensor(
     assert both.sum() > 300 and (cause == other)[both].mean() > 0.8
 
 
-def test_what_removes_a_cause_restores_the_pixel(config):
+def test_what_removes_a_cause_restores_the_pixel(config, made):
     """A wall too near, one without light and one that is not there."""
-    given = wall(config, [0.05, 0.8, 0.0], 3)
-    sensor = GBufferStereo(config, environments=3)
+    given, sensor = wall(config, [0.05, 0.8, 0.0], 3), made(3)
     cause = sensor(**given, laser_power=[1.0, 0.0, 1.0], ambient=0.0)["cause"][:, 60, 100]
     assert [CAUSES[n] for n in cause] == ["out_of_range", "too_dark", "nothing"]
     given["depth"] = np.full_like(given["depth"], 0.8)
@@ -268,8 +267,8 @@ def test_supersampled_images_are_of_input_shape_with_k(config):
         GBufferStereo(config, supersampling=5)
 
 
-def test_what_does_not_go_together_is_told(config):
-    sensor, given = GBufferStereo(config, environments=2), wall(config, [0.5, 0.5], 2)
+def test_what_does_not_go_together_is_told(config, made):
+    sensor, given = made(2), wall(config, [0.5, 0.5], 2)
     with pytest.raises(ValueError, match=r"depth is \[2, 120\], expected \[2, 120, 160\]"):
         sensor(**given | {"depth": given["depth"][..., 0]})
     with pytest.raises(ValueError, match="unknown depth_kind 'planer'.*did you mean 'planar'"):
