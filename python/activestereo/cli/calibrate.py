@@ -21,15 +21,6 @@ _TEXT = """\
 Measures a real camera. Each part replaces its own section of model.json, and
 leaves the others as they are; the file is written at the end, whole.
 
-  noise      repeats of static views  -> imager
-  pattern    frames of a flat wall    -> pattern
-  rig        frames of a board        -> rig
-  materials  views of an object       -> materials
-  drift      frames of a warm-up      -> effects
-  scene      depth of one pose        -> a scene where there is no CAD
-  world      views with depth         -> a capture: camera, poses, pattern, light
-  camera, poses, dots                 -> one step of it
-
 activestereo calibrate noise --help tells more.
 """
 
@@ -149,12 +140,12 @@ def add_parser(commands: cli.Commands) -> None:
         commands, "calibrate", "measure a real camera: frames become sections of model.json", _TEXT
     )
     parts = parser.add_subparsers(dest="part", metavar="PART", required=True)
-    noise = _section_part(parts, "noise", "the imager's temporal noise from repeats", _NOISE, "imager", _noise)
+    noise = _section_part(parts, "noise", "repeats of static views -> imager", _NOISE, "imager", _noise)
     noise.add_argument("frames", type=Path, metavar="FRAMES", help="repeats of static views")
     noise.add_argument("--dark", type=Path, metavar="FRAMES", help="repeats without light")
-    pattern = _section_part(parts, "pattern", "the projector's dots from a wall", _PATTERN, "pattern", _pattern)
+    pattern = _section_part(parts, "pattern", "frames of a flat wall -> pattern", _PATTERN, "pattern", _pattern)
     pattern.add_argument("frames", type=Path, metavar="WALL_FRAMES", help="capture whose repeat groups look at a wall")
-    rig = _section_part(parts, "rig", "both cameras' calibration from frames of a board", _RIG, "rig", _rig)
+    rig = _section_part(parts, "rig", "frames of a board -> rig", _RIG, "rig", _rig)
     text = "folder with left/ and right/, PNG files of equal names"
     rig.add_argument("frames", type=Path, metavar="BOARD_FRAMES", help=text)
     text = "9x6:0.03, charuco:9x6:0.03:0.022 or apriltag:6x4:0.04:0.01 (metres)"
@@ -163,22 +154,24 @@ def add_parser(commands: cli.Commands) -> None:
     rig.add_argument("--rectified", action="store_true", help="the images are rectified: no lens distortion is fitted")
     text = "the device's own K of both rectified cameras, held"
     rig.add_argument("--k", type=cli.camera_matrix, metavar="FX,FY,CX,CY", help=text)
-    drift = _section_part(parts, "drift", "what moves while it warms up", _DRIFT, "effects", _drift)
+    drift = _section_part(parts, "drift", "frames of a warm-up -> effects", _DRIFT, "effects", _drift)
     drift.add_argument("frames", type=Path, metavar="FRAMES", help="capture of a still scene, some frames without dots")
     drift.add_argument("--temperatures", type=Path, metavar="FILE", help="CSV of seconds,celsius")
-    scene = cli.add_command(parts, "scene", "a measured depth map as a scene", _SCENE, _run_scene)
+    scene = cli.add_command(parts, "scene", "depth of one pose -> a scene without CAD", _SCENE, _run_scene)
     scene.add_argument("capture", type=Path, metavar="CAPTURE", help="capture with depth")
     text = "frame of the pose (default: first with depth)"
     scene.add_argument("--frame", type=cli.integer_from(0), metavar="ID", help=text)
     text = "pixels between points (default: 2)"
     scene.add_argument("--step", type=cli.integer_from(1), default=2, metavar="PX", help=text)
     scene.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=".gltf or .glb")
-    materials = _section_part(parts, "materials", "what an object is made of", _MATERIALS, "materials", _materials)
+    materials = _section_part(
+        parts, "materials", "views of an object -> materials", _MATERIALS, "materials", _materials
+    )
     text = "capture whose scene has the object at its place"
     materials.add_argument("capture", type=Path, metavar="CAPTURE", help=text)
     materials.add_argument("--object", required=True, metavar="NAME", help="the object's name in the scene")
     cli.add_shared(materials, device=True)
-    world = cli.add_command(parts, "world", "a camera and a room from views with depth", _WORLD, _run_world)
+    world = cli.add_command(parts, "world", "views with depth -> a capture; its steps:", _WORLD, _run_world)
     text = "print what it tells, from which size, and what to record for all else; RECORDING: calibrate world's capture"
     world.add_argument("--plan", action="store_true", help=text)
     text = "a step whose part of the capture stays as it is; repeatable"

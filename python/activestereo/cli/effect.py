@@ -21,12 +21,6 @@ if TYPE_CHECKING:
 _TEXT = """\
 Physical effects that the lab can add to its model.
 
-  list     the built-in effects: id, stage in the pipeline, family, whether the
-           engines have it, parameters
-  show     draws what an effect does to a picture: without, at typical values, difference
-  check    tries the laws that every effect obeys, on your own too, and compares what
-           the lab scores an effect by with what the sensor does
-
 example:
   activestereo effect check my_effects.py
   activestereo effect show projector_defocus -o defocus.html
@@ -55,9 +49,9 @@ The exit status is 0 where all laws hold, else 1.
 def add_parser(commands: cli.Commands) -> None:
     parser = cli.add_command(commands, "effect", "list physical effects, check your own", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    listing = cli.add_command(actions, "list", "the built-in effects", "", run_list)
+    listing = cli.add_command(actions, "list", "the built-in ones, by stage and family", "", run_list)
     cli.add_shared(listing, json=True)
-    check = cli.add_command(actions, "check", "try the laws, and columns against the sensor", _CHECK, run_check)
+    check = cli.add_command(actions, "check", "try laws, and compare with the sensor", _CHECK, run_check)
     check.add_argument("effects", nargs="*", metavar="EFFECT|FILE", help="ids, or files of your own effects")
     check.add_argument("--all", action="store_true", help="all built-in effects")
     text = "the differences from the sensor, as JSON"

@@ -27,11 +27,6 @@ examples:
 _TEXT = """\
 A sensor model (model.json) in words, and in what other simulators have.
 
-  show   what a model says: calibration, pattern, imager, effects, materials, and what the
-         fit left over; which of its parts the engines simulate, and which cost a copy
-  export fits the noise models of other simulators to a model, or to a preset, by simulating it in
-         rooms of solids; writes their own files and says what they cannot express
-
 examples:
   activestereo model show out/diagnosis/model.json
   activestereo model export model.json --to isaac,gazebo -o out/profiles
@@ -53,10 +48,10 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("-o", "--out", required=True, type=Path, metavar="FILE", help=text)
     parser = cli.add_command(commands, "model", "show a sensor model in words, export it", _TEXT)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    show = cli.add_command(actions, "show", "what models say", "", run_show)
+    show = cli.add_command(actions, "show", "all that models say, and which parts cost a copy", "", run_show)
     show.add_argument("files", nargs="+", type=Path, metavar="FILE", help="model.json")
     cli.add_shared(show, effects=", where a model has some", json=True)
-    export = cli.add_command(actions, "export", "as noise models of other simulators", "", run_export)
+    export = cli.add_command(actions, "export", "fit noise models of other simulators to it", "", run_export)
     export.add_argument("model", metavar="MODEL", help="model.json, or the name of a preset")
     text = f"comma-separated: {', '.join(EXPORTS)} (default: all)"
     export.add_argument("--to", type=cli.names_of("system", EXPORTS), default=list(EXPORTS), metavar="NAMES", help=text)
