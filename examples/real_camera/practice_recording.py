@@ -232,7 +232,7 @@ def _write_room(path: Path, card: dict[str, Any], albedo: float | None = None) -
     writer.add_mesh("table", meshes.box(1.6, 0.02, 1.6), table, (0.0, -0.02, 0.0))
     own = writer.add_material("box", pbrMetallicRoughness=card, extras={} if albedo is None else {"ir_albedo": albedo})
     writer.add_placed_mesh("box", meshes.box(*BOX_M), own, BOX_TO_BASE)
-    writer.add_point_light("lamp", (-0.6, 1.1, 0.5), (1.0, 0.95, 0.9), 1.2)
+    writer.add_light("lamp", (-0.6, 1.1, 0.5), (1.0, 0.95, 0.9), 1.2)
     writer.write(path)
 
 

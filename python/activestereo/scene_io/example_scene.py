@@ -49,7 +49,7 @@ def write_table_top(path: str | Path, is_matt: bool = False) -> None:
     writer.add_mesh("dark block", meshes.box(0.11, 0.075, 0.09), material["velvet"], (0.325, 0.0, 0.05), yaw_deg=28.0)
     writer.add_mesh("box", meshes.box(0.17, 0.12, 0.10), material["card"], (0.15, 0.0, -0.26), yaw_deg=-14.0)
     for name, place, color, intensity in LAMPS:
-        writer.add_point_light(name, place, color, intensity)
+        writer.add_light(name, place, color, intensity)
     writer.add_camera("camera", CAMERA_TO_WORLD, vertical_fov=float(np.deg2rad(43.3)), aspect_ratio=848 / 480)
     writer.write(path)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from activestereo.common.output_files import replace_file
 from activestereo.scene_io.meshes import Mesh
@@ -80,38 +81,23 @@ class GltfWriter:
         """Adds a node that shows a mesh of add_shape(), with this 4x4 local_to_world."""
         self._node(name, mesh=shape, matrix=_columns(local_to_world))
 
-    def add_point_light(
-        self, name: str, translation: Sequence[float], color: Sequence[float], intensity: float, **extras: Any
-    ) -> None:
-        """Adds a point light. intensity: W/sr at colour 1, for each channel. extras: the light's `extras`, for kuafu's
-        importer."""
-        self._light(name, {"type": "point"}, color, intensity, extras, translation=list(translation))
-
-    def add_directional_light(
-        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float, **extras: Any
-    ) -> None:
-        """Adds a light that shines along its node's -z. intensity: W/m^2 at colour 1, for each channel."""
-        self._light(name, {"type": "directional"}, color, intensity, extras, matrix=_columns(local_to_world))
-
-    def add_spot_light(
-        self, name: str, local_to_world: np.ndarray, color: Sequence[float], intensity: float,
-        cone_rad: tuple[float, float], **extras: Any,
+    def add_light(
+        self, name: str, place: ArrayLike, color: Sequence[float], intensity: float, kind: str = "point",
+        cone_rad: tuple[float, float] | None = None, **extras: Any,
     ) -> None:  # fmt: skip
-        """Adds a light that shines in a cone around its node's -z. intensity: W/sr at colour 1, for each channel.
-        cone_rad: the half angles, in radians, at which the light begins to fall off and reaches 0."""
-        kind = {"type": "spot", "spot": {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}}
-        self._light(name, kind, color, intensity, extras, matrix=_columns(local_to_world))
-
-    def _light(
-        self, name: str, kind: dict[str, Any], color: Sequence[float], intensity: float, extras: dict[str, Any],
-        **place: Any,
-    ) -> None:  # fmt: skip
+        """Adds a light of kind "point", "directional" or "spot"; the last two shine along their node's -z. place: the
+        node's translation [3] or its 4x4 local_to_world. intensity: W/sr, of a directional light W/m^2, at colour 1,
+        for each channel. cone_rad: half angles, in radians, at which a spot's light begins to fall off and reaches 0.
+        extras: the light's `extras`, for kuafu's importer."""
         self._use("KHR_lights_punctual")
         lights = self._json.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {}).setdefault("lights", [])
-        photometric = LUMENS_PER_WATT * intensity  # candela or lux
-        light = {"name": name, **kind, "color": list(color), "intensity": photometric}
+        light: dict[str, Any] = {"name": name, "type": kind}
+        if cone_rad is not None:
+            light["spot"] = {"innerConeAngle": cone_rad[0], "outerConeAngle": cone_rad[1]}
+        light |= {"color": list(color), "intensity": LUMENS_PER_WATT * intensity}  # candela or lux
         lights.append(light | ({"extras": extras} if extras else {}))
-        self._node(name, **place, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
+        where = {"translation" if np.ndim(place) == 1 else "matrix": _columns(place)}
+        self._node(name, **where, extensions={"KHR_lights_punctual": {"light": len(lights) - 1}})
 
     def add_camera(self, name: str, camera_to_world: np.ndarray, vertical_fov: float, aspect_ratio: float) -> None:
         """Adds a camera. camera_to_world: 4x4 in camera axes (x right, y down, z forward), converted to glTF's (y up,
@@ -120,10 +106,6 @@ class GltfWriter:
         camera = self._append("cameras", {"name": name, "type": "perspective", "perspective": perspective})
         matrix = np.asarray(camera_to_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
         self._node(name, camera=camera, matrix=_columns(matrix))
-
-    def document(self) -> tuple[dict[str, Any], bytes]:
-        """Returns (the JSON without its buffer, the buffer's bytes)."""
-        return self._json, bytes(self._bytes)
 
     def write(self, path: str | Path) -> None:
         """Writes a .gltf file, with the buffer inside as base64, or a .glb file. Raises ValueError for another
@@ -177,7 +159,7 @@ class GltfWriter:
         return self._append("accessors", accessor)
 
 
-def _columns(matrix: np.ndarray) -> list[float]:
-    """Returns a 4x4 as 16 numbers column by column, as glTF writes it."""
+def _columns(matrix: ArrayLike) -> list[float]:
+    """Returns a 4x4 as 16 numbers column by column, as glTF writes it; a vector as it is."""
     columns: list[float] = np.asarray(matrix, dtype=float).T.reshape(-1).tolist()
     return columns

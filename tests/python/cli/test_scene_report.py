@@ -40,8 +40,8 @@ def _room(path: Path, lamp_w_sr: float | None) -> Path:
     writer.add_mesh("neighbour", meshes.sphere(0.1), grey, (2, 0, 0))
     writer.add_mesh("hidden", meshes.sphere(0.1), grey, (0, 0, -1.5))
     if lamp_w_sr is not None:
-        writer.add_point_light("floodlight", (0, 0.5, 0), (1, 1, 1), lamp_w_sr)
-        writer.add_point_light("night light", (0, -0.5, 0), (1, 1, 1), 1e-3)
+        writer.add_light("floodlight", (0, 0.5, 0), (1, 1, 1), lamp_w_sr)
+        writer.add_light("night light", (0, -0.5, 0), (1, 1, 1), 1e-3)
     writer.add_camera("camera", np.diag([1.0, -1.0, -1.0, 1.0]), 0.75, 16 / 9)
     writer.write(path)
     return path

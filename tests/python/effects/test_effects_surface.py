@@ -192,7 +192,7 @@ def path(request, tmp_path):
     writer = GltfWriter()
     paint = writer.add_material("paint", extras={"ir_albedo": 0.6})
     steel = writer.add_material("steel")
-    writer.add_point_light("lamp", (0, 1, 0), (1, 1, 1), 1.0)
+    writer.add_light("lamp", (0, 1, 0), (1, 1, 1), 1.0)
     writer.add_mesh("ball", sphere(0.1), paint, (-0.2, 0.0, 0.0))
     writer.add_mesh("crate", box(0.1, 0.1, 0.1), paint, (0.2, 0.0, 0.0))
     writer.add_mesh("weight", sphere(0.1), steel)

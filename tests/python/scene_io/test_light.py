@@ -12,6 +12,7 @@ import pytest
 
 import kuafu
 from activestereo.common.pose import look_at
+from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.scene_io.staging import INFRARED_SHARES, EnvironmentMapError, infrared_share, read_environment_map
 from activestereo.scene_io.staging import set_environment_map, set_infrared_share
@@ -41,14 +42,13 @@ def test_what_is_no_kind_is_said(text: str) -> None:
 def _written(path: Path, extras: dict[str, float]) -> kuafu.Scene:
     """A lamp of each kind that glTF has, of 2 W."""
     writer = GltfWriter()
-    writer.add_point_light("bulb", (0, 0, 1), (1, 0.5, 0.25), 2.0)
-    writer.add_directional_light("sun", np.eye(4), (1, 1, 1), 2.0)
-    writer.add_spot_light("spot", np.eye(4), (1, 1, 1), 2.0, (0.1, 0.4))
-    document, _ = writer.document()
-    for light in document["extensions"]["KHR_lights_punctual"]["lights"]:
-        assert light["intensity"] == pytest.approx(2.0 * 683.0)
-        light["extras"] = extras
-    (path / "a.gltf").write_text(json.dumps(document))
+    writer.add_mesh("ball", meshes.sphere(0.1), writer.add_material("paint"))
+    writer.add_light("bulb", (0, 0, 1), (1, 0.5, 0.25), 2.0, **extras)
+    writer.add_light("sun", np.eye(4), (1, 1, 1), 2.0, "directional", **extras)
+    writer.add_light("spot", np.eye(4), (1, 1, 1), 2.0, "spot", (0.1, 0.4), **extras)
+    writer.write(path / "a.gltf")
+    written = json.loads((path / "a.gltf").read_text())["extensions"]["KHR_lights_punctual"]["lights"]
+    assert [light["intensity"] for light in written] == pytest.approx(3 * [2.0 * 683.0])
     scene = kuafu.Scene(kuafu.Device("cpu"))
     scene.load(path / "a.gltf")
     return scene

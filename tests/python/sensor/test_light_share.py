@@ -29,7 +29,7 @@ def _scene(path: Path, watts: float | None) -> kuafu.Scene:
     writer.add_mesh("wall", meshes.sheet((-2, -1.5, -1.5), (4, 0, 0), (0, 3, 0)), grey)
     writer.add_mesh("box", meshes.box(0.4, 0.4, 0.2), grey, (0, -0.2, -1.1))
     if watts is not None:
-        writer.add_point_light("lamp", (0.5, 1.5, 0.3), (1, 1, 1), watts)
+        writer.add_light("lamp", (0.5, 1.5, 0.3), (1, 1, 1), watts)
     writer.write(path)
     scene = kuafu.Scene(kuafu.Device("cpu"))
     scene.load(path)

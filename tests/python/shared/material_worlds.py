@@ -67,7 +67,7 @@ def write_room(path, paint, shape="ball", color=COLOR):
     writer.add_mesh("table", meshes.box(1.2, 0.02, 1.2), table, (0.0, -0.02, 0.0))
     writer.add_placed_mesh(shape, mesh_of(shape), own, place_of(shape))
     for name, lamp in zip(("lamp", "second"), LAMPS):
-        writer.add_point_light(name, *lamp)
+        writer.add_light(name, *lamp)
     writer.write(path)
 
 

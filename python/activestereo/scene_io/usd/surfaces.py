@@ -66,7 +66,7 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
         irradiance = shines if normalize or half == 0 else shines * np.pi * np.sin(half) ** 2
         if half > np.deg2rad(0.5):
             stage.tell(f"{name}: light from {2 * np.rad2deg(half):.1f} degrees of the sky comes from its middle alone")
-        writer.add_directional_light(name, axes, *_peak(irradiance), **extras)
+        writer.add_light(name, axes, *_peak(irradiance), "directional", **extras)
         return
     if kind not in ("SphereLight", "DiskLight", "RectLight", "CylinderLight"):
         stage.tell(f"{name}: lights of type {kind} are not read")
@@ -94,11 +94,11 @@ def add_lamp(stage: Stage, writer: GltfWriter, prim: Any, to_stage: np.ndarray, 
         )
         writer.add_placed_mesh(name, tube, material, to_world)
     elif cone is not None:
-        writer.add_spot_light(name, axes, color, peak, cone, **extras)
+        writer.add_light(name, axes, color, peak, "spot", cone, **extras)
     elif kind == "SphereLight":
-        writer.add_point_light(name, to_world[:3, 3].tolist(), color, peak, **(extras | size))
+        writer.add_light(name, to_world[:3, 3], color, peak, **(extras | size))
     else:
-        writer.add_spot_light(name, axes, color, peak, (0.0, np.pi / 2), **(extras | size))
+        writer.add_light(name, axes, color, peak, "spot", (0.0, np.pi / 2), **(extras | size))
 
 
 def _extent(stage: Stage, prim: Any, to: np.ndarray) -> tuple[float, float, dict[str, Any], Mesh | None]:
