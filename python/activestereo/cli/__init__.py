@@ -34,9 +34,10 @@ from activestereo.cli.arguments import (
     CommandError,
     Finding,
     Parser,
+    say,
 )
 from activestereo.common.own_files import outside_allowed
-from activestereo.common.shown import PlainStream, printable
+from activestereo.common.shown import PlainStream
 
 # Files of this package, in the order of their commands in --help.
 _COMMANDS = (
@@ -181,7 +182,7 @@ def _warnings_in_a_line() -> Iterator[None]:
             python_shows(message, category, *place, **more)
         elif text not in said:
             said.add(text)
-            _say(text)
+            say(text)
 
     with warnings.catch_warnings():
         warnings.showwarning = show
@@ -230,10 +231,6 @@ def _error_text(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def _say(text: str) -> None:
-    print(f"activestereo: {printable(text)}", file=sys.stderr)
-
-
 def _fail(text: str, status: int) -> int:
-    _say(text)
+    say(text)
     return status

@@ -379,6 +379,11 @@ def refuse(args: argparse.Namespace, names: Sequence[str], what: str) -> None:
             raise CommandError(f"--{name.replace('_', '-')} is {what}: leave it out")
 
 
+def say(text: str) -> None:
+    """Prints a line for the user on standard error."""
+    print(f"activestereo: {printable(text)}", file=sys.stderr)
+
+
 def print_json(value: Any) -> None:
     """Prints the value as JSON on standard output. NaN and infinities, which JSON cannot hold, become null."""
     print(json.dumps(finite(value), indent=1, allow_nan=False))

@@ -3,16 +3,12 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from activestereo.capture.capture import Capture, read_capture
+from activestereo.capture.capture import read_capture
 from activestereo.cli import arguments as cli
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import ProgressBar
 from activestereo.report.screen import WRITING, WRITING_S, command
-
-if TYPE_CHECKING:
-    from activestereo.effects import Effect
 
 _TEXT = """\
 Compares the simulator with a capture: renders the scene from the capture's poses, fits
@@ -53,14 +49,19 @@ def run(args: argparse.Namespace) -> None:
 
     from activestereo.compare.cache import LayerCache
     from activestereo.compare.compare import PHASES, compare
+    from activestereo.compare.engine_prediction import engines_of
     from activestereo.compare.mismatch import Match
     from activestereo.effects.engines import CaptureRenderer
-    from activestereo.model.library import library
+    from activestereo.effects.engines.loaded_scene import is_measured_room
+    from activestereo.model import read_model
+    from activestereo.model.library import compared_under, library
     from activestereo.report.summary import comparison_screen, is_near_noise
     from activestereo.report.write import write_report
 
     effects = library(*args.effects)
-    under_model = {} if args.model is None else _model_arguments(args, capture, effects)
+    under_model = {} if args.model is None else compared_under(read_model(args.model, effects), args.capture)
+    if args.model is not None and not is_measured_room(capture):  # in a room effects act on its images, as in diagnose
+        under_model["engines"] = engines_of(args.device, args.spp, args.max_bounces, args.seed)
     with ProgressBar(f"comparing {args.capture.name}") as bar:
         phases = Phases(bar, PHASES | {WRITING: WRITING_S})
         comparison = compare(
@@ -81,19 +82,3 @@ def run(args: argparse.Namespace) -> None:
         return
     usage = LayerCache().usage_text()
     print(comparison_screen(comparison.scores, next_step, args.out / "report.html", usage, args.verbose))
-
-
-def _model_arguments(args: argparse.Namespace, capture: Capture, effects: "dict[str, Effect]") -> dict[str, Any]:
-    """Returns compare()'s arguments for the model of --model, with the render engines unless the capture is a measured
-    room.
-
-    In a measured room (a capture of calibrate world) the effects act on its images, as in diagnose()."""
-    from activestereo.compare.engine_prediction import engines_of
-    from activestereo.effects.engines.loaded_scene import is_measured_room
-    from activestereo.model import read_model
-    from activestereo.model.library import compared_under
-
-    parts = compared_under(read_model(args.model, effects), args.capture)
-    if is_measured_room(capture):
-        return parts
-    return parts | {"engines": engines_of(args.device, args.spp, args.max_bounces, args.seed)}

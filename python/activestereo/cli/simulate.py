@@ -5,7 +5,6 @@ infrared light, and the bodies that the sensor cannot measure."""
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -24,7 +23,7 @@ from activestereo.common.output_files import write_depth_png, write_json, write_
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG
 from activestereo.common.pose import Pose, body_pose, camera_to_camera, camera_to_world
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.common.shown import counted, listed, printable
+from activestereo.common.shown import counted, listed
 from activestereo.report.lettering import write_figure
 from activestereo.report.screen import Figure, command, screen
 from activestereo.scene_io import OWN_ENDINGS, USD_ENDINGS
@@ -406,13 +405,13 @@ def warn_of_light(share: LightShare | None) -> None:
     if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
         return
     light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
-    _say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
+    cli.say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
 
 
 def warn_of_full_pixels(counts: np.ndarray, full_dn: int) -> None:
     """Warns on stderr if much of the infrared image `counts` is at full scale, full_dn, where no dot is seen."""
     if (full := float((counts >= full_dn).mean())) > MOST_FULL:
-        _say(f"{_percent(full)} of the left infrared image is at full scale: give a shorter --ir-exposure")
+        cli.say(f"{_percent(full)} of the left infrared image is at full scale: give a shorter --ir-exposure")
 
 
 def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
@@ -423,7 +422,7 @@ def warn_of_materials(model: SensorModel, scene: kuafu.Scene) -> None:
     own = [scene.material_name(number) or "" for number in range(scene.summary.material_count)]
     stated = {name for name, fields in model.materials.items() if set(fields) - {"ir_albedo_factor"}}
     if absent := sorted(stated - set(own) - set(map(material_of, own))):
-        _say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
+        cli.say(f"the model's {listed(absent)}: the scene has no such material (there are: {', '.join(own) or 'none'})")
 
 
 def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float, unit_m: float) -> None:
@@ -437,12 +436,8 @@ def warn_of_unseen(unseen: Sequence[tuple[str, str]], count: int, size_m: float,
     more = f"; and {len(unseen) - _MOST_NAMED} more" if len(unseen) > _MOST_NAMED else ""
     what = "nothing can" if len(unseen) == count else f"{len(unseen)} of {count} bodies cannot"
     hint = size_hint(size_m, unit_m)
-    _say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
+    cli.say(f"{what} be measured in this view: {named}{more}{f'. The scene is {hint}' if hint else ''}")
 
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.0f} %"
-
-
-def _say(text: str) -> None:
-    print(f"activestereo: {printable(text)}", file=sys.stderr)

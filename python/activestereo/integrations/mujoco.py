@@ -245,7 +245,8 @@ class MujocoScene:
 
     data: the state, after mj_forward(); a list of states is a batch of environments. groups: the visible groups of
     geoms (MuJoCo's viewer shows 0 to 2). device: 'auto', 'cpu', an index or a kuafu.Device. scene: the scene that the
-    model is added to; None: a new one. Skins, flexes and tendons are left out, with a MujocoMirrorWarning.
+    model is added to; None: a new one. Skins, flexes and tendons are left out, with a MujocoMirrorWarning. The picture
+    'semantic_id' has a geom's number + 1, and 0 where no geom is.
     """
 
     def __init__(
@@ -309,11 +310,6 @@ class MujocoScene:
             what = "camera" if body is None else "body"
             raise ValueError(f"the model has no {what} '{camera or body}' (known: {', '.join(known) or 'none'})")
         return MujocoMount(self, number, is_camera=body is None)
-
-    def geom_of(self, semantic_id: int) -> str:
-        """Returns the name of the geom that a pixel of the picture 'semantic_id' shows. semantic_id: the pixel's value,
-        the geom's number + 1 (0 = no geom)."""
-        return self._name(semantic_id - 1)
 
     def _update_light(self, environment: int, state: mujoco.MjData, number: int) -> None:
         """Adds or changes the light of an environment where it differs from the model's. One that is off stays in the

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.common.lens import distort, undistort
+from activestereo.common.lens import to_pixels, to_tangents
 from activestereo.common.pose import rigid_motion
 from activestereo.integrations.realsense.options import distortion, frame_metadata_value, stream
 from activestereo.integrations.realsense.options import format as pixel_format
@@ -29,6 +29,9 @@ class intrinsics:
     model: distortion = distortion.none
     coeffs: list[float] = field(default_factory=lambda: [0.0] * 5)
 
+    def matrix(self) -> NDArray[np.float64]:
+        return np.array([[self.fx, 0.0, self.ppx], [0.0, self.fy, self.ppy], [0.0, 0.0, 1.0]])
+
 
 @dataclass
 class extrinsics:
@@ -44,18 +47,12 @@ class extrinsics:
 
 def deprojected(camera: intrinsics, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns x and y at depth 1 of the rays through pixels (u, v), [2, ...]."""
-    x, y = (u - camera.ppx) / camera.fx, (v - camera.ppy) / camera.fy
-    if any(camera.coeffs):
-        x, y = undistort(x, y, camera.coeffs)
-    return np.stack([x, y])
+    return np.stack(to_tangents(u, v, camera.matrix(), camera.coeffs))
 
 
 def projected(camera: intrinsics, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the pixels [2, ...] of points [3, ...] with z > 0, through the lens."""
-    x, y = points[0] / points[2], points[1] / points[2]
-    if any(camera.coeffs):
-        x, y = distort(x, y, camera.coeffs)
-    return np.stack([camera.fx * x + camera.ppx, camera.fy * y + camera.ppy])
+    return np.stack(to_pixels(points[0] / points[2], points[1] / points[2], camera.matrix(), camera.coeffs))
 
 
 def rs2_deproject_pixel_to_point(intrin: intrinsics, pixel: Sequence[float], depth: float) -> list[float]:
