@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads libraries of effects, built in or from a user's file. Reads and writes the effects of a model file."""
+"""Reads libraries of effects, built in or from a user's file, and takes effects from and to sensor models."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from activestereo.common.shown import unknown_effect
 from activestereo.effects import Effect, Model, builtin, load_effects
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import surface_names
-from activestereo.model import Quantity, SensorModel
-from activestereo.model import read_model as read_sensor_model
-from activestereo.model import write_model as write_sensor_model
+from activestereo.model import Quantity, SensorModel, read_model
 from activestereo.model.diagnosed import calibrated
 from activestereo.model.model import with_surfaces
 
@@ -43,7 +41,7 @@ def read_models(
 ) -> tuple[SensorModel, Model]:
     """Reads a model file; returns all of it, and its effects. scene_path: the scene whose surfaces the file may name.
     Raises ValueError with the fault."""
-    stated, names = read_sensor_model(path, effects), surface_names(scene_path)
+    stated, names = read_model(path, effects), surface_names(scene_path)
     try:
         return stated, stated.bound(names)
     except ValueError as error:
@@ -92,8 +90,3 @@ def with_effects_of(base: SensorModel, model: Model, scene_path: str | Path | No
         }
         out = out.with_effect(effect, quantities, surfaces)
     return out
-
-
-def write_model(path: str | Path, model: Model, scene_path: str | Path | None = None) -> None:
-    """Writes a model file with the model's effects alone. scene_path: the scene whose surfaces it names."""
-    write_sensor_model(path, with_effects_of(SensorModel(), model, scene_path))

@@ -17,9 +17,8 @@ from activestereo.common.input_files import read_json
 from activestereo.common.output_files import write_json, write_text, written_together
 from activestereo.compare.cache import LayerCache
 from activestereo.diagnose.kept import content_key
-from activestereo.model import write_model
-from activestereo.model.library import library
-from activestereo.model.library import write_model as write_effects
+from activestereo.model import SensorModel, write_model
+from activestereo.model.library import library, with_effects_of
 from activestereo.report.comparison import cards, comparison_sections, settings_section
 from activestereo.report.diagnosis import diagnosis_sections
 from activestereo.report.explorer import explorer_section
@@ -134,9 +133,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | Path) -> list[Path]:
         write_json(aside / "diagnose.json", diagnosis.result)
         if diagnosis.stub:
             write_text(aside / "effect_stub.py", diagnosis.stub)
-        if diagnosis.sensor_model is not None:
-            write_model(aside / "model.json", diagnosis.sensor_model)
-        else:
-            write_effects(aside / "model.json", diagnosis.model)
+        model = diagnosis.sensor_model or with_effects_of(SensorModel(), diagnosis.model, None)
+        write_model(aside / "model.json", model)
         names = sorted(path.name for path in aside.iterdir())
     return [folder / name for name in names]

@@ -18,17 +18,15 @@ from activestereo.cli import main
 from activestereo.capture.images import read_gray, write_gray
 from activestereo.common.text_table import markdown
 from activestereo.compare.compare import compare, comparison_of
-from activestereo.model.library import write_model
 from activestereo.diagnose import diagnose
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.residual_model import effect_stub
-from activestereo.effects import Model, Parameter, Randomness, Stage, builtin, effect
+from activestereo.effects import Parameter, Randomness, Stage, builtin, effect
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, Unjudged
 from activestereo.effects.core.load import load_effects
 from activestereo.lab import Lab
-from activestereo.model import Pattern, SensorModel, read_model
-from activestereo.model import write_model as write_sensor_model
+from activestereo.model import Pattern, Quantity, SensorModel, read_model, write_model
 from activestereo.report.diagnosis import diagnosis_screen, diagnosis_table
 from activestereo.report.write import write_diagnosis, write_diagnosis_report
 from lab_worlds import BLACK_DN, WorldRenderer, altered, with_device_depth
@@ -159,7 +157,7 @@ def test_files_keep_the_schema_and_the_model_reads_back(hidden_shading, tmp_path
     assert [e.effect.id for e in read_model(tmp_path / "model.json").effects] == ["vignetting"]
     assert "vignetting" in diagnosis_table(written)
     path = tmp_path / "own.json"
-    write_model(path, Model().with_effect(builtin()["vignetting"], exponent=0.2))
+    write_model(path, SensorModel().with_effect(builtin()["vignetting"], {"exponent": Quantity(0.2)}))
     assert read_model(path).bound(()).effects[0][1] == {"exponent": 0.2}
     path.write_text("{}")
     with pytest.raises(ValueError, match="format"):
@@ -253,7 +251,7 @@ def test_a_lab_keeps_what_a_model_file_says_beside_its_effects(lab_world, lab_ca
     write_gray(tmp_path / "black.png", np.eye(320, dtype=np.uint8) * 255)
     projector = read_capture(lab_world.capture_path).rig.projector
     stated = SensorModel(pattern=Pattern(projector.K, file=tmp_path / "black.png"), source="a wall")
-    write_sensor_model(tmp_path / "model.json", stated)
+    write_model(tmp_path / "model.json", stated)
     reads, read = [], JsonObject.read
     monkeypatch.setattr(JsonObject, "read", lambda path, *told: reads.append(Path(path).name) or read(path, *told))
     lab = lab_of(lab_world.capture_path, lab_world, lab_cache, tmp_path / "model.json", grid=1)

@@ -90,11 +90,7 @@ class DeviceText:
 
 def read_device_text(path: Path) -> DeviceText:
     """Reads the output of rs-enumerate-devices -c from a file. Raises ValueError with file, key and value."""
-    path = Path(path)
-    try:
-        lines = read_text(path, errors="replace").splitlines()
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
+    lines = read_text(path, errors="replace").splitlines()
     intrinsics: dict[tuple[str, int, int], Camera] = {}
     extrinsics: dict[tuple[str, str], NDArray[np.float64]] = {}
     for number, line in enumerate(lines):
