@@ -76,6 +76,8 @@ def _entry(e: Effect) -> list[str]:
         "",
         e.summary.replace("\n", " "),
         "",
+        f"![{e.id}](strips/{e.id}.jpg)",
+        "",
         f"Family: {e.family}{random}. Source: {e.source}.",
         "",
     ]
@@ -107,7 +109,8 @@ in the order of the pipeline, from the projector to the depth map; {engine} of t
 engines. Each effect is one function in `python/activestereo/effects`, of engine fields or of images, below a descriptor
 with its parameters. At its *neutral* parameters an effect changes nothing. A *typical* value is about as far
 from neutral as real sensors are: a fit starts from the assumption that parameters deviate by about this much (the
-standard deviation of its prior). This page is made by `make_page.py`.
+standard deviation of its prior). A picture shows a small world without the effect, with it, and the difference, as
+`activestereo effect show EFFECT -o FILE` draws them. This page is made by `make_page.py`, its pictures by `strips.py`.
 
 ## Your own effect
 
