@@ -22,11 +22,11 @@ struct SharedConstants {
   std::span<const uint32_t> values;
 };
 
-/// A compute pipeline. Its inputs are push constants, which hold its buffers' device addresses, and specialisation constants: ids 0..n-1
-/// and the shared ones.
+/// A compute pipeline; its device must outlive it. Its inputs are push constants, which hold its buffers' device addresses, and
+/// specialisation constants: ids 0..n-1 and the shared ones.
 class ComputePipeline {
  public:
-  ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
+  ComputePipeline(const Device& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
                   std::span<const uint32_t> specialisation = {}, uint32_t required_subgroup_size = 0, SharedConstants shared = {});
   ~ComputePipeline();
   ComputePipeline(const ComputePipeline&) = delete;
@@ -36,7 +36,7 @@ class ComputePipeline {
   [[nodiscard]] uint32_t push_constant_bytes() const { return push_constant_bytes_; }
 
  private:
-  std::shared_ptr<Device> device_;
+  const Device& device_;
   VkPipelineLayout layout_ = VK_NULL_HANDLE;
   VkPipeline pipeline_ = VK_NULL_HANDLE;
   uint32_t push_constant_bytes_ = 0;

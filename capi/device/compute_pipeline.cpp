@@ -22,23 +22,23 @@ void check_request(const Device& device, uint32_t push_constant_bytes, uint32_t 
 
 }  // namespace
 
-ComputePipeline::ComputePipeline(std::shared_ptr<Device> device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
+ComputePipeline::ComputePipeline(const Device& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
                                  std::span<const uint32_t> specialisation, uint32_t required_subgroup_size, SharedConstants shared)
-    : device_(std::move(device)), push_constant_bytes_(push_constant_bytes) {
-  check_request(*device_, push_constant_bytes, required_subgroup_size);
-  const VolkDeviceTable& vk = device_->vk();
+    : device_(device), push_constant_bytes_(push_constant_bytes) {
+  check_request(device_, push_constant_bytes, required_subgroup_size);
+  const VolkDeviceTable& vk = device_.vk();
 
   const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, push_constant_bytes};
   VkPipelineLayoutCreateInfo layout{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
   layout.pushConstantRangeCount = push_constant_bytes > 0 ? 1 : 0;
   layout.pPushConstantRanges = &range;
-  check(vk.vkCreatePipelineLayout(device_->handle(), &layout, nullptr, &layout_), "vkCreatePipelineLayout");
+  check(vk.vkCreatePipelineLayout(device_.handle(), &layout, nullptr, &layout_), "vkCreatePipelineLayout");
 
   VkShaderModuleCreateInfo code{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
   code.codeSize = spirv.size_bytes();
   code.pCode = spirv.data();
   VkShaderModule module = VK_NULL_HANDLE;
-  VkResult result = vk.vkCreateShaderModule(device_->handle(), &code, nullptr, &module);
+  VkResult result = vk.vkCreateShaderModule(device_.handle(), &code, nullptr, &module);
 
   std::vector<uint32_t> values(specialisation.begin(), specialisation.end());
   values.insert(values.end(), shared.values.begin(), shared.values.end());
@@ -52,22 +52,22 @@ ComputePipeline::ComputePipeline(std::shared_ptr<Device> device, std::span<const
   subgroup.requiredSubgroupSize = required_subgroup_size;
   VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
   info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-  info.stage.pNext = device_->can_require_subgroup_size(required_subgroup_size) ? &subgroup : nullptr;
+  info.stage.pNext = device_.can_require_subgroup_size(required_subgroup_size) ? &subgroup : nullptr;
   info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
   info.stage.module = module;
   info.stage.pName = "main";
   info.stage.pSpecializationInfo = &constants;
   info.layout = layout_;
   if (result == VK_SUCCESS)
-    result = vk.vkCreateComputePipelines(device_->handle(), device_->pipeline_cache().for_new_pipeline(), 1, &info, nullptr, &pipeline_);
-  vk.vkDestroyShaderModule(device_->handle(), module, nullptr);
-  if (result != VK_SUCCESS) vk.vkDestroyPipelineLayout(device_->handle(), layout_, nullptr);
+    result = vk.vkCreateComputePipelines(device_.handle(), device_.pipeline_cache().for_new_pipeline(), 1, &info, nullptr, &pipeline_);
+  vk.vkDestroyShaderModule(device_.handle(), module, nullptr);
+  if (result != VK_SUCCESS) vk.vkDestroyPipelineLayout(device_.handle(), layout_, nullptr);
   check(result, "building a compute pipeline");
 }
 
 ComputePipeline::~ComputePipeline() {
-  device_->vk().vkDestroyPipeline(device_->handle(), pipeline_, nullptr);
-  device_->vk().vkDestroyPipelineLayout(device_->handle(), layout_, nullptr);
+  device_.vk().vkDestroyPipeline(device_.handle(), pipeline_, nullptr);
+  device_.vk().vkDestroyPipelineLayout(device_.handle(), layout_, nullptr);
 }
 
 }  // namespace ks

@@ -15,6 +15,7 @@
 #include "device/log_sink.h"
 #include "device/physical.h"
 #include "device/pipeline_cache.h"
+#include "device/pipelines.h"
 #include "device/spare_threads.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"
@@ -186,6 +187,7 @@ void Device::prepare_vulkan(const ks_device_desc& desc, const char* library, con
   std::filesystem::path file = library == nullptr ? std::filesystem::path() : cache_folder(desc.cache_directory);
   if (!file.empty()) file /= pipeline_file_name(library, properties);
   pipeline_cache_ = std::make_unique<PipelineCache>(table_, device_, std::move(file));
+  pipelines_ = std::make_unique<Pipelines>(*this);
 }
 
 void Device::take_facts(const PhysicalFacts& facts) {
@@ -236,6 +238,7 @@ Device::~Device() {
   workers_.reset();
   if (device_ == VK_NULL_HANDLE) return;
   if (!hosts_) vk().vkDeviceWaitIdle(device_);  // the host's other queues are not ours to wait for; whoever submitted has waited
+  pipelines_.reset();
   pipeline_cache_.reset();
   vk().vkDestroyFence(device_, fence_, nullptr);
   if (!hosts_) vk().vkDestroyDevice(device_, nullptr);

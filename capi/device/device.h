@@ -19,6 +19,7 @@ class HostMemory;
 class Instance;
 class LogSink;
 class PipelineCache;
+class Pipelines;
 class SpareThreads;
 class ThreadPool;
 struct DeviceFeatures;
@@ -48,6 +49,7 @@ class Device : public std::enable_shared_from_this<Device> {
   [[nodiscard]] uint32_t queue_family() const { return queue_family_; }
   [[nodiscard]] const VkPhysicalDeviceLimits& limits() const { return limits_; }
   [[nodiscard]] uint32_t subgroup_size() const { return subgroup_size_; }
+  [[nodiscard]] Pipelines& pipelines() const { return *pipelines_; }
   [[nodiscard]] PipelineCache& pipeline_cache() const { return *pipeline_cache_; }
   /// Whether a compute pipeline may require this subgroup size (VK_EXT_subgroup_size_control), or always has it.
   [[nodiscard]] bool can_require_subgroup_size(uint32_t size) const;
@@ -125,6 +127,7 @@ class Device : public std::enable_shared_from_this<Device> {
   std::vector<std::string> extensions_;
   VolkDeviceTable table_{};
   std::unique_ptr<PipelineCache> pipeline_cache_;
+  std::unique_ptr<Pipelines> pipelines_;
   std::mutex queue_mutex_;  // for a submission
   std::mutex fence_mutex_;  // from a submission with the fence to its end
   std::atomic<bool> lost_{false};

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Our own two-level BVH2, built on the host and traced in Vulkan compute: the portable tracer of GPUs, and of CPU devices when asked for.
 #include <array>
-#include <map>
 #include <utility>
 
 #include "accel/bvh_world.h"
 #include "accel/tracer.h"
 #include "device/error.h"
-#include "device/pipeline_in_build.h"
+#include "device/pipelines.h"
 #include "shared/wave.h"
 #include "spirv/trace_closest.h"
 #include "spirv/trace_glass_infrared.h"
@@ -55,13 +54,13 @@ class ComputeTracer final : public Tracer {
   }
 
   void prepare(bool cutouts, bool occluded) override {
-    closest_[{world_.moves(), cutouts}].begin(device_, trace_closest_spirv, sizeof(TracePush), of_queue(cutouts));
-    if (occluded) occluded_[{world_.moves(), cutouts}].begin(device_, trace_occluded_spirv, sizeof(TracePush), of_queue(cutouts));
+    device_->pipelines().begin(trace_closest_spirv, sizeof(TracePush), of_queue(cutouts));
+    if (occluded) device_->pipelines().begin(trace_occluded_spirv, sizeof(TracePush), of_queue(cutouts));
   }
 
-  void closest(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, closest_, trace_closest_spirv); }
+  void closest(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, trace_closest_spirv); }
 
-  void occluded(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, occluded_, trace_occluded_spirv); }
+  void occluded(ks::Commands& commands, const RayQueue& rays) override { trace(commands, rays, trace_occluded_spirv); }
 
   [[nodiscard]] bool passes_glass() const override { return true; }
   void occluded_by_more_than_glass(ks::Commands& commands, const RayQueue& rays, const GlassWay& glass) override {
@@ -72,11 +71,8 @@ class ComputeTracer final : public Tracer {
   }
 
  private:
-  using Pipelines = std::map<std::pair<bool, bool>, ks::PipelineInBuild>;  // by whether rays have a time, and whether surfaces have holes
-
-  void trace(ks::Commands& commands, const RayQueue& rays, Pipelines& pipelines, std::span<const uint32_t> spirv) {
-    const bool cutouts = rays.scene != 0;
-    const ks::ComputePipeline& pipeline = pipelines[{world_.moves(), cutouts}].get(device_, spirv, sizeof(TracePush), of_queue(cutouts));
+  void trace(ks::Commands& commands, const RayQueue& rays, std::span<const uint32_t> spirv) {
+    const ks::ComputePipeline& pipeline = device_->pipelines().get(spirv, sizeof(TracePush), of_queue(rays.scene != 0));
     commands.dispatch_indirect(pipeline, push(rays), *rays.counters, rays.arguments_offset);
   }
 
@@ -90,9 +86,8 @@ class ComputeTracer final : public Tracer {
   /// Built for the features of a scene that asks for it.
   [[nodiscard]] const ks::ComputePipeline& glass_pipeline(const GlassWay& glass) {
     const uint32_t features = world_.moves() ? glass.features : glass.features & ~feature_motion;  // of lights alone: rays need no time
-    return glass_[{glass.infrared, features}].get(
-        device_, glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv, sizeof(GlassPush),
-        specialisation(world_.moves(), features));
+    return device_->pipelines().get(glass.infrared ? std::span<const uint32_t>(trace_glass_infrared_spirv) : trace_glass_visible_spirv,
+                                    sizeof(GlassPush), specialisation(world_.moves(), features));
   }
 
   [[nodiscard]] TracePush push(const RayQueue& rays) const {
@@ -111,8 +106,6 @@ class ComputeTracer final : public Tracer {
   }
 
   uint32_t layout_, group_size_, spread_, nodes_per_step_;
-  Pipelines closest_, occluded_;
-  std::map<std::pair<bool, uint32_t>, ks::PipelineInBuild> glass_;  // by infrared and features
   std::shared_ptr<ks::Device> device_;
   BvhWorld world_;
 };

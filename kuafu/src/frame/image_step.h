@@ -6,10 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <map>
 #include <span>
 
-#include "device/pipeline_in_build.h"
+#include "device/pipelines.h"
 #include "device/thread_pool.h"
 #include "frame/device_array.h"
 #include "shared/wave.h"
@@ -46,7 +45,7 @@ class ImageStep {
 
   const ks::ComputePipeline& pipeline(uint32_t constant) {
     specialisation_.back() = constant;
-    return pipelines_[constant].get(memory_.device, spirv_, uint32_t(sizeof(Push)), specialisation_);
+    return memory_.device->pipelines().get(spirv_, uint32_t(sizeof(Push)), specialisation_);
   }
 
   void run_on_host(ks::Commands& commands, const char* stage, const Push& push) const {
@@ -61,8 +60,7 @@ class ImageStep {
   Memory memory_;
   std::span<const uint32_t> spirv_;
   HostKernel* kernel_;
-  std::array<uint32_t, 5> specialisation_;             // of lib/invocation.glsl; surfaces that rays met may move and have all textures
-  std::map<uint32_t, ks::PipelineInBuild> pipelines_;  // by constant
+  std::array<uint32_t, 5> specialisation_;  // of lib/invocation.glsl; surfaces that rays met may move and have all textures
 };
 
 }  // namespace kuafu

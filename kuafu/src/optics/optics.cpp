@@ -179,7 +179,7 @@ void CameraOptics::spread(ks::Commands& commands, const OpticsPush& push) {
   const auto tiles_along = [](uint32_t length) { return (length + optics_tile_px - 1) / optics_tile_px; };
   const uint32_t step[] = {push.step};
   commands.begin_stage("optics");
-  commands.dispatch_line(tiled_psf_[push.step == optics_psf ? 0 : 1].get(memory_.device, optics_psf_spirv, sizeof push, step), push,
+  commands.dispatch_line(memory_.device->pipelines().get(optics_psf_spirv, sizeof push, step), push,
                          tiles_along(push.width) * tiles_along(push.height) * push.view_count);
 }
 

@@ -36,9 +36,8 @@ class CameraOptics {
   [[nodiscard]] bool takes(uint32_t step) const { return (steps_ >> step & 1u) != 0; }
   /// Whether the point spread runs in tiles: on a GPU, if the kernel leaves room in shared memory.
   [[nodiscard]] bool tiles() const { return takes(optics_psf_columns) && !memory_.on_host && psf_radius_ <= optics_most_tiled_radius_px; }
-  ks::PipelineInBuild tiled_psf_[2];  // without and with vignetting
-  uint32_t steps_ = 0;                // bit optics_*: some view needs this step
-  uint32_t psf_radius_ = 0;           // the views' largest
+  uint32_t steps_ = 0;       // bit optics_*: some view needs this step
+  uint32_t psf_radius_ = 0;  // the views' largest
 };
 
 namespace host {

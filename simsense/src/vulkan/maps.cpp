@@ -18,7 +18,7 @@ uint64_t in_place_address(const std::optional<DeviceImage>& image, const Pairs& 
 
 const ks::ComputePipeline& made(std::optional<ks::ComputePipeline>& slot, const std::shared_ptr<ks::Device>& device,
                                 std::span<const uint32_t> code, uint32_t push_bytes) {
-  if (!slot) slot.emplace(device, code, push_bytes);
+  if (!slot) slot.emplace(*device, code, push_bytes);
   return *slot;
 }
 

@@ -71,7 +71,7 @@ struct VulkanRefinement : private VulkanStep {
 
  private:
   struct Passes {
-    Passes(const std::shared_ptr<ks::Device>& device, uint32_t element_bytes);
+    Passes(const ks::Device& device, uint32_t element_bytes);
     ks::ComputePipeline cells, move, windows;
   };
   Passes of_bytes_, of_words_;

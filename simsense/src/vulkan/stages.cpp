@@ -74,7 +74,7 @@ ImageRef VulkanStages::scratch(std::shared_ptr<ks::Buffer>& buffer) {
 }
 
 void VulkanStages::copy(const ImageRef& from, const ImageRef& to) {
-  if (!copy_) copy_.emplace(device_, copy_spirv, sizeof(CopyPush));
+  if (!copy_) copy_.emplace(*device_, copy_spirv, sizeof(CopyPush));
   CopyPush push{};
   push.source = from;
   push.target = to;

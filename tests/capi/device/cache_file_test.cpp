@@ -151,7 +151,7 @@ void build_one(const std::string& folder, const char* library = "test-1") {
     uint32_t count, multiplier;
   };
   const uint32_t factor[] = {3};
-  const ComputePipeline pipeline(device, multiply_spirv, sizeof(Push), factor);
+  const ComputePipeline pipeline(*device, multiply_spirv, sizeof(Push), factor);
   const uint32_t five = 5;
   uint32_t result = 0;
   const auto buffer = Buffer::create(device, 4, KS_BUFFER_HOST_VISIBLE);

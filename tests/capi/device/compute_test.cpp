@@ -30,7 +30,7 @@ constexpr uint32_t count = 1000;
 // 1, 2, 3, ... times factor * multiplier, twice in a row: the second dispatch reads what the first wrote.
 std::vector<uint32_t> multiply_twice(const std::shared_ptr<Device>& device, uint32_t factor, uint32_t multiplier) {
   const uint32_t constants[] = {factor};
-  const ComputePipeline pipeline(device, multiply_spirv, sizeof(Push), constants);
+  const ComputePipeline pipeline(*device, multiply_spirv, sizeof(Push), constants);
   std::vector<uint32_t> values(count);
   std::iota(values.begin(), values.end(), 1);
   const auto a = Buffer::create(device, count * 4, 0), b = Buffer::create(device, count * 4, 0);
@@ -86,7 +86,7 @@ TEST_F(ComputeTest, TheLogIsToldWhileOtherThreadsMayUseTheDevice) {
 TEST_F(ComputeTest, SubmittedWorkReachesItsValueOnTheTimeline) {
   ASSERT_TRUE(Timeline::can_have(*device_));
   const uint32_t constants[] = {3};
-  const ComputePipeline pipeline(device_, multiply_spirv, sizeof(Push), constants);
+  const ComputePipeline pipeline(*device_, multiply_spirv, sizeof(Push), constants);
   const auto a = Buffer::create(device_, count * 4, 0), b = Buffer::create(device_, count * 4, 0);
   const std::vector<uint32_t> ones(count, 1);
   Timeline timeline(device_);
@@ -140,7 +140,7 @@ TEST_F(ComputeTest, AForkedProcessComputesOnADeviceOfItsOwn) {
 }
 
 TEST_F(ComputeTest, IndirectDispatchTakesItsSizeFromTheBuffer) {
-  const ComputePipeline pipeline(device_, multiply_spirv, sizeof(Push));
+  const ComputePipeline pipeline(*device_, multiply_spirv, sizeof(Push));
   const auto from = Buffer::create(device_, count * 4, 0), to = Buffer::create(device_, count * 4, 0);
   const auto arguments = Buffer::create(device_, 16 + sizeof(VkDispatchIndirectCommand), 0);
   Commands commands(device_);
@@ -184,13 +184,13 @@ TEST_F(ComputeTest, CopyMovesAndCounts) {
 }
 
 TEST_F(ComputeTest, WrongRequestsAreRefused) {
-  const ComputePipeline pipeline(device_, multiply_spirv, sizeof(Push));
+  const ComputePipeline pipeline(*device_, multiply_spirv, sizeof(Push));
   Commands commands(device_);
   EXPECT_ERROR(commands.dispatch(pipeline, uint32_t{1}, 1), KS_ERROR_INTERNAL, "push constants");
   EXPECT_ERROR(commands.dispatch(pipeline, Push{}, 1, UINT32_MAX), KS_ERROR_INTERNAL, "split it");
-  EXPECT_ERROR(ComputePipeline(device_, multiply_spirv, 1 << 20), KS_ERROR_UNSUPPORTED, "push constants");
-  EXPECT_ERROR(ComputePipeline(device_, multiply_spirv, sizeof(Push), {}, 3), KS_ERROR_UNSUPPORTED, "subgroups of 3");
-  EXPECT_NO_THROW(ComputePipeline(device_, multiply_spirv, sizeof(Push), {}, device_->subgroup_size()));
+  EXPECT_ERROR(ComputePipeline(*device_, multiply_spirv, 1 << 20), KS_ERROR_UNSUPPORTED, "push constants");
+  EXPECT_ERROR(ComputePipeline(*device_, multiply_spirv, sizeof(Push), {}, 3), KS_ERROR_UNSUPPORTED, "subgroups of 3");
+  EXPECT_NO_THROW(ComputePipeline(*device_, multiply_spirv, sizeof(Push), {}, device_->subgroup_size()));
   EXPECT_ERROR(Commands(test::host_device()), KS_ERROR_UNSUPPORTED, "host device");
 }
 

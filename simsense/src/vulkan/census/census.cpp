@@ -17,13 +17,13 @@ Constants census_constants(const MatchPlan& plan, const MatchParameters& p, uint
 
 VulkanCensus::VulkanCensus(const VulkanStep& step)
     : VulkanStep(step),
-      of_bytes_(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 1), 0,
+      of_bytes_(*device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 1), 0,
                 {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanCensus::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) {
   if (arrays.element_bytes != 1 && !of_words_) {
     const auto shared = match_constants(parameters_);
-    of_words_.emplace(device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2), 0,
+    of_words_.emplace(*device_, census_spirv, sizeof(CensusPush), census_constants(plan_, parameters_, 2), 0,
                       ks::SharedConstants{first_match_constant, shared});
   }
   CensusPush push{};

@@ -45,7 +45,7 @@ uint64_t VulkanChecks::reserved(std::shared_ptr<ks::Buffer>& buffer, const Call&
 template <class Push>
 void VulkanChecks::run(Pipeline& pipeline, std::span<const uint32_t> code, const Call& call, const Push& push, uint32_t width,
                        uint32_t height) {
-  if (!pipeline) pipeline.emplace(device_, code, sizeof push);
+  if (!pipeline) pipeline.emplace(*device_, code, sizeof push);
   dispatch_pixels(call.commands, *pipeline, push, width, height, call.pairs);
 }
 
@@ -77,7 +77,7 @@ void VulkanChecks::filter_speckles(const Call& call) {
   CleanPush push = clean_push(call, width_, height_);
   push.parent = reserved(parent_, call, sizeof(uint32_t));
   push.size = reserved(size_, call, sizeof(uint32_t));
-  if (!speckle_tiles_) speckle_tiles_.emplace(device_, speckle_tile_spirv, sizeof push);
+  if (!speckle_tiles_) speckle_tiles_.emplace(*device_, speckle_tile_spirv, sizeof push);
   call.commands.dispatch(*speckle_tiles_, push, groups_of(width_, SPECKLE_TILE), groups_of(height_, SPECKLE_TILE), call.pairs);
   for (push.step = SPECKLE_JOIN; push.step < SPECKLE_PASSES; ++push.step) run(speckles_, speckle_spirv, call, push, width_, height_);
 }

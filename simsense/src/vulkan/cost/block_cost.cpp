@@ -9,7 +9,7 @@ namespace simsense {
 
 VulkanBlockCost::VulkanBlockCost(const VulkanStep& step)
     : VulkanStep(step),
-      pipeline_(device_, block_cost_spirv, sizeof(PathPush),
+      pipeline_(*device_, block_cost_spirv, sizeof(PathPush),
                 lane_constants(plan_, parameters_, plan_.block_group, plan_.steps,
                                {plan_.block_group_parts, plan_.block_rows_per_group, plan_.block_columns(),
                                 plan_.block_halo(parameters_.block_width)}),

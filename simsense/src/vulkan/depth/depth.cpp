@@ -35,7 +35,7 @@ VulkanDepth::VulkanDepth(std::shared_ptr<ks::Device> device, const PreparedRig& 
       block_(ks::Buffer::create(device_, sizeof(DepthParameters), 0)),
       ray_x_(upload(device_, rig.rays.x())),
       ray_y_(upload(device_, rig.rays.y())),
-      pipeline_(device_, depth_spirv, sizeof(DepthPush)) {
+      pipeline_(*device_, depth_spirv, sizeof(DepthPush)) {
   const StereoGeometry& geometry = rig.rectification.geometry;
   DepthParameters& p = parameters_;
   p.ray_x = ray_x_->address();

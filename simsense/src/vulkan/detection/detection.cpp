@@ -12,10 +12,10 @@ namespace simsense {
 
 VulkanDetection::VulkanDetection(const VulkanStep& step)
     : VulkanStep(step),
-      of_bytes_(device_, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
-      of_words_(device_, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
-      detection_(device_, detection_spirv, sizeof(DetectionPush)),
-      bare_(device_, detection_bare_spirv, sizeof(DetectionPush)) {}
+      of_bytes_(*device_, high_pass_spirv, sizeof(HighPassPush), Constants{1u}),
+      of_words_(*device_, high_pass_spirv, sizeof(HighPassPush), Constants{2u}),
+      detection_(*device_, detection_spirv, sizeof(DetectionPush)),
+      bare_(*device_, detection_bare_spirv, sizeof(DetectionPush)) {}
 
 void VulkanDetection::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   const uint32_t columns = groups_of(plan_.width, DETECTION_GROUP), rows = groups_of(plan_.height, DETECTION_GROUP);

@@ -12,7 +12,7 @@ VulkanRemap::VulkanRemap(const std::shared_ptr<ks::Device>& device, const Rectif
       height_(rectification.left.height),
       tables_{{upload(device, rectification.left.x), upload(device, rectification.left.y)},
               {upload(device, rectification.right.x), upload(device, rectification.right.y)}},
-      remap_(device, remap_spirv, sizeof(RemapPush)) {}
+      remap_(*device, remap_spirv, sizeof(RemapPush)) {}
 
 void VulkanRemap::record(ks::Commands& commands, uint32_t side, bool nearest, const ImageRef& source, const ImageRef& target,
                          const ImageRef& copy, uint32_t pairs) const {

@@ -10,12 +10,12 @@
 
 namespace simsense {
 
-VulkanRefinement::Passes::Passes(const std::shared_ptr<ks::Device>& device, uint32_t element_bytes)
+VulkanRefinement::Passes::Passes(const ks::Device& device, uint32_t element_bytes)
     : cells(device, refine_cells_spirv, sizeof(RefinePush), Constants{element_bytes}),
       move(device, refine_move_spirv, sizeof(RefinePush), Constants{element_bytes}),
       windows(device, refine_spirv, sizeof(RefinePush), Constants{element_bytes}) {}
 
-VulkanRefinement::VulkanRefinement(const VulkanStep& step) : VulkanStep(step), of_bytes_(device_, 1), of_words_(device_, 2) {}
+VulkanRefinement::VulkanRefinement(const VulkanStep& step) : VulkanStep(step), of_bytes_(*device_, 1), of_words_(*device_, 2) {}
 
 void VulkanRefinement::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   RefinePush push{};

@@ -19,8 +19,8 @@ constexpr uint32_t nothing = 0x7f800000;           // bits of +infinity
 VulkanRegistration::VulkanRegistration(std::shared_ptr<ks::Device> device, const VulkanDepth& depth)
     : device_(std::move(device)),
       depth_(depth),
-      splat_(device_, splat_spirv, sizeof(DepthPush)),
-      resolve_(device_, resolve_spirv, sizeof(DepthPush)) {}
+      splat_(*device_, splat_spirv, sizeof(DepthPush)),
+      resolve_(*device_, resolve_spirv, sizeof(DepthPush)) {}
 
 void VulkanRegistration::record(ks::Commands& commands, uint64_t disparity, const ImageRef& depth, const ImageRef& points,
                                 const ImageRef& colored, const ImageRef& rgb, uint32_t pairs) {

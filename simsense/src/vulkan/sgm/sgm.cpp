@@ -30,12 +30,12 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 
 VulkanSgm::VulkanSgm(const VulkanStep& step)
     : VulkanStep(step),
-      paths_(device_, code(plan_), sizeof(PathPush),
+      paths_(*device_, code(plan_), sizeof(PathPush),
              path_constants(plan_, parameters_, plan_.rows_apart ? PATHS_ROWS : PATHS_ROWS_AND_COLUMNS), plan_.subgroup_lanes,
              {first_match_constant, match_constants(parameters_)}) {
   const auto make = [&](std::optional<ks::ComputePipeline>& slot, uint32_t part) {
     const auto shared = match_constants(parameters_);
-    slot.emplace(device_, code(plan_), sizeof(PathPush), path_constants(plan_, parameters_, part), plan_.subgroup_lanes,
+    slot.emplace(*device_, code(plan_), sizeof(PathPush), path_constants(plan_, parameters_, part), plan_.subgroup_lanes,
                  ks::SharedConstants{first_match_constant, shared});
   };
   if (plan_.rows_apart) make(columns_, PATHS_COLUMNS);

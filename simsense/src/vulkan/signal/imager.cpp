@@ -39,7 +39,7 @@ VulkanImagers::VulkanImagers(std::shared_ptr<ks::Device> device, uint32_t width,
       width_(width),
       height_(height),
       pitch_(groups(width, 4) * 4),
-      signal_(device_, signal_spirv, sizeof(SignalPush)) {
+      signal_(*device_, signal_spirv, sizeof(SignalPush)) {
   for (Side& side : sides_) side.block = ks::Buffer::create(device_, sizeof(SignalBlock), 0);
 }
 
@@ -107,7 +107,7 @@ void VulkanImagers::update_tables(ks::Commands& commands, uint32_t side, const I
 }
 
 void VulkanImagers::record_grain(ks::Commands& commands, SignalPush push, const SignalParameters& p, uint32_t pairs) {
-  if (!grain_) grain_ = std::make_unique<ks::ComputePipeline>(device_, grain_spirv, sizeof(SignalPush));
+  if (!grain_) grain_ = std::make_unique<ks::ComputePipeline>(*device_, grain_spirv, sizeof(SignalPush));
   for (uint32_t part : {0u, 1u}) {
     if (!(p.speckle_parts >> part & 1u)) continue;
     push.passes = part;
@@ -139,7 +139,7 @@ void VulkanImagers::record(ks::Commands& commands, uint32_t side, const Imager& 
     commands.dispatch(signal_, push, groups(width_, 4 * quads_per_group), groups(height_, rows_per_group), pairs);
   };
   if (!imager.blooms()) return pass(SIGNAL_COLLECT | SIGNAL_READ_OUT);
-  if (!bloom_) bloom_ = std::make_unique<ks::ComputePipeline>(device_, bloom_spirv, sizeof(SignalPush));
+  if (!bloom_) bloom_ = std::make_unique<ks::ComputePipeline>(*device_, bloom_spirv, sizeof(SignalPush));
   pass(SIGNAL_COLLECT);
   push.passes = 0;
   commands.dispatch(*bloom_, push, groups(width_, bloom_columns), 1, pairs);

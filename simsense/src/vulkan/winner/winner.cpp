@@ -17,7 +17,7 @@ std::span<const uint32_t> code(const MatchPlan& plan) {
 
 VulkanWinner::VulkanWinner(const VulkanStep& step)
     : VulkanStep(step),
-      pipeline_(device_, code(plan_), sizeof(WinnerPush),
+      pipeline_(*device_, code(plan_), sizeof(WinnerPush),
                 lane_constants(plan_, parameters_, plan_.winner_group, plan_.winner_steps, {plan_.segments, plan_.sum_volumes}),
                 plan_.subgroup_lanes, {first_match_constant, match_constants(parameters_)}) {}
 

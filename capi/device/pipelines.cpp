@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "device/pipeline_in_build.h"
+#include "device/pipelines.h"
 
 #include <unistd.h>
 
@@ -71,40 +71,59 @@ void compile(const std::shared_ptr<Device>& device, const ComputePipeline& pipel
   commands.flush();
 }
 
+/// Whether a build has ended with an error: the next use tries again.
+bool has_failed(const std::shared_future<std::unique_ptr<const ComputePipeline>>& built) {
+  if (built.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return false;
+  try {
+    return built.get() == nullptr;
+  } catch (...) {
+    return true;
+  }
+}
+
 /// Nothing may use a host's VkDevice after the library's was released, and a host that lends threads wants no others.
 bool has_threads(const Device& device) { return !device.is_hosts() && !device.workers().is_hosts(); }
 
 }  // namespace
 
-PipelineInBuild::Task PipelineInBuild::task(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,
-                                            uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
-  Task task([device, spirv, push_constant_bytes, constants = std::vector<uint32_t>(specialisation.begin(), specialisation.end())] {
-    auto pipeline = std::make_unique<ComputePipeline>(device, spirv, push_constant_bytes, constants);
-    if (device->is_cpu()) compile(device, *pipeline);
-    return pipeline;
-  });
-  building_ = task.get_future();
-  return task;
-}
-
-void PipelineInBuild::begin(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
-                            std::span<const uint32_t> specialisation) {
-  if (pipeline_ || building_.valid() || !has_threads(*device)) return;
-  try {
-    Builders::get().start(task(device, spirv, push_constant_bytes, specialisation));
-  } catch (const std::system_error&) {  // no more threads: get() builds in the caller's
-    building_ = {};
+Pipelines::Built Pipelines::started(std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
+                                    std::span<const uint32_t> specialisation) {
+  const auto promise = std::make_shared<std::promise<Pipeline>>();
+  std::vector<uint32_t> constants(specialisation.begin(), specialisation.end());
+  Built built;
+  {
+    const std::lock_guard lock(mutex_);
+    Built& kept = built_[{spirv.data(), push_constant_bytes, constants}];
+    if (kept.valid() && !has_failed(kept)) return kept;
+    kept = built = promise->get_future();
   }
+  const auto build = [promise, device = device_.shared_from_this(), spirv, push_constant_bytes, constants = std::move(constants)] {
+    try {
+      auto pipeline = std::make_unique<const ComputePipeline>(*device, spirv, push_constant_bytes, constants);
+      if (device->is_cpu()) compile(device, *pipeline);
+      promise->set_value(std::move(pipeline));
+    } catch (...) {
+      promise->set_exception(std::current_exception());
+    }
+  };
+  if (has_threads(device_)) try {
+      Builders::get().start(build);
+      return built;
+    } catch (const std::system_error&) {  // no more threads: this one builds
+    }
+  build();
+  return built;
 }
 
-const ComputePipeline& PipelineInBuild::get(const std::shared_ptr<Device>& device, std::span<const uint32_t> spirv,
-                                            uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
-  if (pipeline_) return *pipeline_;
-  begin(device, spirv, push_constant_bytes, specialisation);
-  if (!building_.valid()) task(device, spirv, push_constant_bytes, specialisation)();
-  while (building_.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) interruption_point();
-  pipeline_ = building_.get();  // where it throws, the next use tries again
-  return *pipeline_;
+void Pipelines::begin(std::span<const uint32_t> spirv, uint32_t push_constant_bytes, std::span<const uint32_t> specialisation) {
+  if (has_threads(device_)) started(spirv, push_constant_bytes, specialisation);
+}
+
+const ComputePipeline& Pipelines::get(std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
+                                      std::span<const uint32_t> specialisation) {
+  const Built built = started(spirv, push_constant_bytes, specialisation);
+  while (built.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) interruption_point();
+  return *built.get();
 }
 
 }  // namespace ks
