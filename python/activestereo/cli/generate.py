@@ -13,10 +13,12 @@ from activestereo.common.shown import counted
 from activestereo.report.screen import command, screen
 from activestereo.scene_io import OWN_ENDINGS
 
+FORMATS = ("lerobot", "mcap")
+
 _TEXT = f"""\
 Puts things on a table again and again, each time with other poses, lamps and another
 view, and takes pictures with a depth sensor. THING is a file of one thing:
-{" ".join(OWN_ENDINGS)}; .gltf and .glb have y up, the others z.
+{' '.join(OWN_ENDINGS)}; .gltf and .glb have y up, the others z.
 
 Writes the BOP format into DIR (train_pbr/000000/rgb, depth, mask, mask_visib,
 scene_camera.json, scene_gt.json, scene_gt_info.json), and beside it
@@ -58,7 +60,8 @@ def add_parser(commands: cli.Commands) -> None:
     parser.add_argument("--ir-size", type=cli.size, metavar="WxH", help=text)
     text = "samples per pixel (default: 16)"
     parser.add_argument("--spp", "--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
-    rare.add_argument("--also", choices=("lerobot",), help="also in this format, once all frames are there")
+    text = f"also in these formats, once all frames are there: comma-separated, of {', '.join(FORMATS)}"
+    rare.add_argument("--also", type=cli.names_of("format", FORMATS), default=[], metavar="NAMES", help=text)
     text = "things upright side by side, or dropped with MuJoCo's physics (default: scatter)"
     parser.add_argument("--layout", choices=("scatter", "drop"), default="scatter", help=text)
     rare.add_argument("--ranges", type=Path, metavar="FILE", help="what is drawn from which ranges")
@@ -73,13 +76,12 @@ def _part(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> None:
-    from activestereo.benchmarks.generate import lerobot
+    from activestereo.benchmarks.generate.formats import require_formats, write_formats
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Ranges, Settings
 
     try:
-        if args.also:
-            lerobot.library()
+        require_formats(args.also)
     except ImportError as error:
         raise cli.CommandError(f"--also: {error}") from error
     for path in args.things:
@@ -103,7 +105,7 @@ def run(args: argparse.Namespace) -> None:
     unseen = [f"no frame shows {path}: it is transparent, hidden, or smaller than a pixel" for path in done.unseen]
     notes += [f"{done.missing} of other parts are not there yet"] if done.missing else []
     if args.also and not done.missing:
-        lerobot.write_lerobot(args.out, args.count)
-        notes += [f"also {args.also}"]
+        write_formats(args.out, args.count, args.also)
+        notes += [f"also {', '.join(args.also)}"]
     steps = [command("view", args.out, *cli.carried(args, "device"))]
     print(screen(f"{'; '.join(notes)}, in {args.out}.", (), unseen, steps, verbose=args.verbose))

@@ -18,13 +18,13 @@ import pytest
 from PIL import Image
 
 import kuafu
-from activestereo.benchmarks.generate import bop, lerobot
+from activestereo.benchmarks.generate import bop, formats
 from activestereo.benchmarks.generate.bop import stored_frames
 from activestereo.benchmarks.generate.run import generate
 from activestereo.benchmarks.generate.studio import Frame, Ranges, Settings, Studio, Things
 from activestereo.benchmarks.generate.studio import drop, scatter, sensor_config
 from activestereo.camera.presets import StereoDepthSensorConfig
-from activestereo.cli import main
+from activestereo.cli import generate as command, main
 from activestereo.common.pose import rigid_motion
 from activestereo.scene_io import meshes, usd
 from activestereo.scene_io.gltf_writer import GltfWriter
@@ -320,14 +320,13 @@ def data_set(tmp_path_factory) -> Path:
     return out
 
 
-def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(data_set, monkeypatch):
+def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(data_set, tmp_path, monkeypatch):
     calls = []
 
     class Recorder:
         @classmethod
         def create(cls, name, fps, features, **options):
             calls.append(features)
-            options["root"].mkdir()
             return cls()
 
         def add_frame(self, frame):
@@ -339,8 +338,8 @@ def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(da
         def finalize(self):
             calls.append("end")
 
-    monkeypatch.setattr(lerobot, "library", lambda: SimpleNamespace(LeRobotDataset=Recorder))
-    lerobot.write_lerobot(data_set, 2)
+    monkeypatch.setattr(formats, "imported", lambda *package: SimpleNamespace(LeRobotDataset=Recorder))
+    formats.write_lerobot(data_set, 2, tmp_path / "to")
     features, first, *_ = calls
     assert [call for call in calls if isinstance(call, str)] == ["episode", "episode", "end"]
     depth = features["observation.images.depth"]
@@ -352,16 +351,33 @@ def test_lerobot_gets_depth_maps_in_millimetres_and_an_episode_for_each_frame(da
     assert set(first) - {"task"} == set(features)
 
 
-def test_lerobots_package_reads_the_same_depth(data_set):
+def test_lerobots_package_reads_the_same_depth(data_set, tmp_path):
     data = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="the package lerobot is not installed")
-    lerobot.write_lerobot(data_set, 2)
-    found = data.LeRobotDataset(f"activestereo/{data_set.name}", root=data_set / "lerobot")
+    formats.write_lerobot(data_set, 2, tmp_path / "to")
+    found = data.LeRobotDataset(f"activestereo/{data_set.name}", root=tmp_path / "to")
     for frame, read in zip(stored_frames(data_set, 2), found, strict=True):
         assert (read["observation.images.depth"].numpy()[0] == frame.depth_mm).all()
 
 
+def test_mcap_has_a_cameras_topics_with_their_geometry(data_set, tmp_path):
+    highlevel = pytest.importorskip("rosbags.highlevel", reason="the package rosbags is not installed")
+    formats.write_formats(data_set, 2, ["mcap"])
+    with highlevel.AnyReader([data_set / "mcap"]) as reader:
+        found = {c.topic: reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()}
+    depth = found["/camera/aligned_depth_to_color/image_raw"]
+    assert depth.encoding == "16UC1"
+    last = list(stored_frames(data_set, 2))[1]
+    assert (depth.data.view(np.uint16).reshape(48, 64) == last.depth_mm).all()
+    assert found["/camera/infra2/camera_info"].p[3] == pytest.approx(-50.0 * 0.05)
+    assert found["/camera/pose"].pose.position.y == pytest.approx(-0.5)
+
+
 def test_what_is_missing_is_said_before_anything_is_made(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "lerobot", None)
-    options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "lerobot"]
-    assert "pip install 'lerobot[dataset]'" in refused(options, capsys)
+    def package():
+        raise ImportError("rosbags is missing: pip install rosbags")
+
+    monkeypatch.setitem(formats.FORMATS, "mcap", (package, None))
+    assert tuple(formats.FORMATS) == command.FORMATS
+    options = ["generate", "no.glb", "--count", "1", "--out", str(tmp_path / "set"), "--also", "mcap"]
+    assert "pip install rosbags" in refused(options, capsys)
     assert not (tmp_path / "set").exists()
