@@ -37,7 +37,7 @@ The exit status is 0 where all is well, else 1.
 """
 # {optional module: the package's extra that installs it}
 PACKAGES = {
-    "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "rosbags": "bags",
+    "cv2": "lab", "sapien": "sapien", "mani_skill": "mani_skill", "mujoco": "mujoco", "ray": "ray", "rosbags": "bags",
     "yaml": "yaml", "mitsuba": "mitsuba", "pxr": "usd", "trimesh": "meshes",
     "lerobot": "lerobot", "argcomplete": "completion",
 }  # fmt: skip

@@ -36,6 +36,7 @@ was, goes on when it is started again; with a larger --count it makes more.
 examples:
   activestereo generate cup.glb box.obj can.ply --count 100 --workers 2 --out out/cups
   activestereo generate cup.glb box.obj --count 5000 --part 3/50 --out shared/cups
+  activestereo generate cup.glb box.obj --count 5000 --ray auto --out out/cups
   activestereo generate *.glb --count 1000 --layout drop --sensor d415 --out out/dropped
 """
 
@@ -49,9 +50,13 @@ def add_parser(commands: cli.Commands) -> None:
     rare = parser.rare_group("many machines, formats and ranges")
     parser.add_argument("--count", type=cli.integer_from(1), default=100, metavar="N", help="frames (default: 100)")
     text = "processes, each with a device of its own (default: 1; a device that is a processor is busy with one or two)"
-    parser.add_argument("--workers", type=cli.integer_from(1), default=1, metavar="K", help=text)
+    parser.add_argument("--workers", type=cli.integer_from(1), metavar="K", help=text)
     text = "makes part K of N, for N machines that share DIR; whoever makes the last frame writes the tables"
     rare.add_argument("--part", type=_part, default=(1, 1), metavar="K/N", help=text)
+    text = "has the workers of a Ray cluster make the frames (auto, HOST:PORT, ray://HOST:PORT): one for each GPU"
+    rare.add_argument("--ray", metavar="ADDRESS", help=text)
+    text = "with --ray: processors of a worker, where the cluster has no GPUs or --device is given (default: 2)"
+    rare.add_argument("--ray-cpus", type=cli.integer_from(1), metavar="N", help=text)
     cli.add_shared(parser, seed="of everything that is drawn; same seed, same files")
     cli.add_shared(parser, sensor="as simulate's")
     text = "of the colour image and of depth (default: 640x480)"
@@ -80,6 +85,10 @@ def run(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.generate.run import generate
     from activestereo.benchmarks.generate.studio import Ranges, Settings
 
+    if args.ray is None and args.ray_cpus is not None:
+        raise cli.CommandError("--ray-cpus goes with --ray, which is not given")
+    if args.ray is not None and args.workers is not None:
+        raise cli.CommandError("--workers does not go with --ray, whose workers take their place: --ray-cpus")
     try:
         require_formats(args.also)
     except ImportError as error:
@@ -93,8 +102,11 @@ def run(args: argparse.Namespace) -> None:
         keep_transparent=args.keep_transparent, device=args.device,
     )  # fmt: skip
     cli.make_folder(args.out)
-    with ProgressBar(f"{counted(args.count, 'frame')} with {counted(args.workers, 'worker')}") as bar:
-        done = generate(settings, args.out, args.count, args.workers, args.part, bar)
+    workers = args.workers or 1
+    ray = None if args.ray is None else (args.ray, args.ray_cpus or 2)
+    by = counted(workers, "worker") if ray is None else f"Ray at {args.ray}"
+    with ProgressBar(f"{counted(args.count, 'frame')} with {by}") as bar:
+        done = generate(settings, args.out, args.count, workers, args.part, bar, ray)
     per_s = done.made / max(done.seconds, 1e-9)
     rate = f"{counted(done.made, 'frame')} in {duration(done.seconds)}, {per_s:.2f} a second"
     notes = [rate if done.made else "nothing was left to do"]

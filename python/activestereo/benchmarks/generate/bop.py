@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from activestereo.common.accuracy import is_invented
 from activestereo.common.input_files import read_json
 from activestereo.common.output_files import (
     left_over,
+    write_bytes,
     write_depth_png,
     write_json,
     write_png,
@@ -120,6 +121,15 @@ def write_frame(out: Path, frame: Frame) -> None:
             },
         }
         write_json(aside / record_file, record)
+
+
+def write_files(out: Path, files: Mapping[str, bytes]) -> None:
+    """Writes a frame's files, {path below `out`: content}: pictures, then the record. Keeps no file if one cannot be
+    written."""
+    with written_together(out, last=Path(next(name for name in files if _RECORDS in name))) as aside:
+        for name, content in files.items():
+            (aside / name).parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(aside / name, content)
 
 
 def write_scenes(out: Path, count: int) -> tuple[Counter[int], Counter[str]]:
