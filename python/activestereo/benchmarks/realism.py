@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import base64
 from dataclasses import asdict, dataclass
-from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from activestereo.benchmarks.real_views import (
     real_views,
     simulated,
 )
+from activestereo.benchmarks.sim_to_real import Figure
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.capture.capture import read_capture
 from activestereo.common.html_table import table, text
@@ -30,19 +30,6 @@ from activestereo.common.progress_bar import Progress, silent
 DEVICE = "device"
 HOLES, NOISE = "hole IoU", "spatial noise: factor to the device's"
 _DRAWS, _LEVEL = 4000, 0.9
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A mean over the views with its interval; NaN = unknown."""
-
-    value: float
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return "–" if isnan(self.value) else f"{self.value:.2f} ({self.low:.2f} to {self.high:.2f})"
-
 
 Values = dict[str, list[dict[str, float]]]  # {method: for each view, {measure: value}}
 

@@ -15,6 +15,21 @@ from activestereo.report.screen import Figure, command, screen
 _MOST_BARS = 6
 
 _TEXT = """\
+Tells how well simulated depth ranks methods as a real camera's depth does, from their
+scores in each world: Pearson's and Spearman's correlation over the methods and the mean
+gap between scores, with 95 % intervals over the views. SCORES.csv has a header and one
+line for each view, or for each score from 0 to 1:
+
+  criterion,method,world,view,found       within 10 mm,ICP on clean,raster,7,1
+  criterion,method,world,score            within 10 mm,a network,real,0.83
+
+Depth of 'generate' with a camera's preset, and the same with another camera, are worlds.
+
+example:
+  activestereo benchmark sim-to-real scores.csv networks.csv --real lab
+"""
+
+_REALISM_TEXT = """\
 How close simulated depth comes to a camera's: captures with a scene's model, as
 'calibrate world' or 'calibrate scene' make them, are simulated in nine ways: clean
 depth, Gaussian noise, the data sheet's, simkinect, Redwood, isaac-like, raster stereo,
@@ -35,7 +50,7 @@ def add_parser(commands: cli.Commands) -> None:
     benchmarks = cli.add_command(commands, "benchmark", "measure how well simulated depth stands for real depth", "")
     kinds = benchmarks.add_subparsers(dest="benchmark", metavar="BENCHMARK", required=True)
     text = "measure how close kinds of simulated depth come to a real camera's"
-    parser = cli.add_command(kinds, "realism", text, _TEXT, _run)
+    parser = cli.add_command(kinds, "realism", text, _REALISM_TEXT, _run_realism)
     text = "a capture's folder, or with =DIR the device's depth of it"
     parser.add_argument("captures", nargs="+", type=_capture, metavar="CAPTURE[=DIR]", help=text)
     cli.add_shared(parser, out=True, device=True, seed="of all noise")
@@ -43,6 +58,27 @@ def add_parser(commands: cli.Commands) -> None:
     text = "rays per pixel (default: 16)"
     parser.add_argument("--samples-per-pixel", type=cli.integer_from(1), default=16, metavar="N", help=text)
     cli.add_shared(parser, json=True)
+    text = "measure how well simulated depth ranks methods as real depth does"
+    parser = cli.add_command(kinds, "sim-to-real", text, _TEXT, _run)
+    parser.add_argument("scores", type=Path, nargs="+", metavar="SCORES.csv", help="a table of scores")
+    parser.add_argument("--real", default="real", metavar="WORLD", help="the world of reality (default: real)")
+    cli.add_shared(parser, seed="of the resampled views", json=True, verbose="the table of all worlds, in Markdown")
+
+
+def _run(args: argparse.Namespace) -> None:
+    from activestereo.benchmarks.sim_to_real import agreement_table, agreements, closest, read_scores
+
+    found = agreements(read_scores(args.scores), args.real, args.seed)
+    if args.json:
+        cli.print_json({key: {world: own.as_json() for world, own in worlds.items()} for key, worlds in found.items()})
+        return
+    sentence, best = closest(found, args.real)
+    rows = sorted(
+        ((w, c, own) for c, worlds in found.items() for w, own in worlds.items()), key=lambda row: row[0] != best
+    )
+    figures = [Figure(f"{w}, {c}", str(own.pearson), max(own.pearson.value, 0.0)) for w, c, own in rows[:_MOST_BARS]]
+    notes = ["above: Pearson's correlation with the real scores over the methods, 95 %"]
+    print(screen(sentence, figures, notes, details="\n".join(agreement_table(found)), verbose=args.verbose))
 
 
 def _capture(text: str) -> tuple[Path, Path | None]:
@@ -50,7 +86,7 @@ def _capture(text: str) -> tuple[Path, Path | None]:
     return Path(capture), Path(depth) if depth else None
 
 
-def _run(args: argparse.Namespace) -> None:
+def _run_realism(args: argparse.Namespace) -> None:
     from activestereo.benchmarks.realism import DEVICE, HOLES, board, verdicts, write_board
 
     cli.make_folder(args.out)

@@ -34,6 +34,7 @@ READ = [
     "model show FILE",
     "add vignetting --from FILE -o NEW",
     "add vignetting --model FILE -o NEW",
+    "benchmark sim-to-real FILE",
     "calibrate noise FILE -o NEW",
     "depth FILE FILE --k 400,400,320,240 --baseline 0.05 --out NEW",
     "simulate FILE --out NEW",
