@@ -8,7 +8,8 @@
 namespace simsense {
 
 VulkanMedian::VulkanMedian(const VulkanStep& step)
-    : VulkanStep(step), pipeline_(*device_, median_spirv, sizeof(MedianPush), {}, 0, {first_match_constant, match_constants(parameters_)}) {}
+    : VulkanStep(step),
+      pipeline_(*device_, median_spirv, sizeof(MedianPush), {}, 0, {first_match_constant, match_constants(parameters_)}) {}
 
 void VulkanMedian::record(ks::Commands& commands, const MatchBuffers& buffers, const MatchArrays& arrays, uint32_t pairs) const {
   MedianPush push{};
