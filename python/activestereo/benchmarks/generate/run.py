@@ -209,13 +209,17 @@ def _write(out: Path, frame: Frame) -> int:
     return frame.number
 
 
+def _gpus() -> list[int]:
+    return [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
+
+
 def _begin(settings: Settings, begun: Any) -> None:
     """Prepares a worker process: makes its Studio. begun: a counter, shared by all workers, of the workers that have
     started; it assigns the GPUs to the workers in turn."""
     global _studio
     with begun.get_lock():
         number, begun.value = begun.value, begun.value + 1
-    gpus = [info.index for info in kuafu.Device.enumerate() if info.usable and "gpu" in info.kind]
+    gpus = _gpus()
     if settings.device == "auto" and gpus:
         settings = replace(settings, device=gpus[number % len(gpus)])
     _studio = Studio(settings)
