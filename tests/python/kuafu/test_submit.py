@@ -14,9 +14,9 @@ CAMERA = kuafu.Camera(64, 48, np.array([[60, 0, 32], [0, 60, 24], [0, 0, 1.0]]))
 HOURS = 10**8  # samples
 
 
-@pytest.fixture(params=["embree", "compute"])
-def renderer(device: kuafu.Device, request: pytest.FixtureRequest) -> kuafu.Renderer:
-    return kuafu.Renderer(device, tracer=request.param)
+@pytest.fixture
+def renderer(device: kuafu.Device) -> kuafu.Renderer:
+    return kuafu.Renderer(device)
 
 
 @pytest.fixture
