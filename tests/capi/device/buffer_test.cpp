@@ -122,15 +122,6 @@ TEST(Buffer, HostBuffersStartAtAPage) {
   EXPECT_EQ(reinterpret_cast<uintptr_t>(buffer->mapped()) % 4096, 0u);
 }
 
-TEST(Buffer, KeepsItsDeviceAlive) {
-  auto device = test::best_device();
-  const std::weak_ptr<Device> watch = device;
-  auto buffer = Buffer::create(std::move(device), 64, 0);
-  EXPECT_FALSE(watch.expired());
-  buffer.reset();
-  EXPECT_TRUE(watch.expired());
-}
-
 // An exported descriptor whose fd is closed at the end, as its caller must.
 struct Exported {
   explicit Exported(const Buffer& buffer) : desc(buffer.export_as(KS_MEMORY_OPAQUE_FD)) {}

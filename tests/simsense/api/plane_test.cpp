@@ -122,32 +122,6 @@ TEST(Plane, ComesBackFromACrookedRigWithLenses) {
   EXPECT_GT(a.fill, 0.9);
 }
 
-TEST(Plane, RowsOfTheRectifiedPairAreAligned) {
-  const simsense_rig_desc rig = crooked_rig(width, height, focal);
-  const Plane plane = facing(1.0);
-  const Pair pair = photograph(plane, rig);
-  const EngineHandle engine = open_engine(rig, near_parameters());
-  std::vector<uint8_t> left(width * height), right(left.size());
-  std::vector<float> disparity(left.size());
-  expect_computed(engine, host_image(pair.left, {height, width}), host_image(pair.right, {height, width}),
-                  {output_of(SIMSENSE_OUTPUT_RECTIFIED_LEFT, host_image(left, {height, width})),
-                   output_of(SIMSENSE_OUTPUT_RECTIFIED_RIGHT, host_image(right, {height, width})),
-                   output_of(SIMSENSE_OUTPUT_DISPARITY, host_image(disparity, {height, width}))});
-  // The sum of squared differences over the vertical shift is a parabola; its vertex is the misalignment.
-  double ssd[3] = {};
-  for (uint32_t y = 20; y < height - 20; ++y)
-    for (uint32_t x = 80; x < width - 20; ++x) {
-      const float d = disparity[y * width + x];
-      if (d < 0) continue;
-      const double column = x - d, fraction = column - std::floor(column);
-      for (int dy = -1; dy <= 1; ++dy) {
-        const uint8_t* p = right.data() + (static_cast<int>(y) + dy) * static_cast<int>(width) + static_cast<int>(column);
-        ssd[dy + 1] += std::pow((1 - fraction) * p[0] + fraction * p[1] - left[y * width + x], 2);
-      }
-    }
-  EXPECT_LT(std::abs(0.5 * (ssd[0] - ssd[2]) / (ssd[0] - 2 * ssd[1] + ssd[2])), 0.05);
-}
-
 TEST(Plane, ComesBackInTheRgbCameraBehindItsLens) {
   simsense_rig_desc rig = crooked_rig(width, height, focal);
   rig.rgb = camera(400, 226, 500);

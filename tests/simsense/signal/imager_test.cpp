@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The imager as a whole: equal to the reference, the same bits on every instruction set and number of workers, neutral where asked.
+// The imager as a whole: equal to the reference, the same bits on every instruction set, neutral where asked.
 #include <gtest/gtest.h>
 
 #include "cpu/signal/rows.h"
@@ -61,13 +61,6 @@ TEST(Imager, GivesTheSameBitsOnEveryInstructionSet) {
       EXPECT_EQ(best, measure(signal, key, image, width, height)) << name << " on " << hwy::TargetName(target);
     }
     hwy::SetSupportedTargetsForTest(0);
-  }
-}
-
-TEST(Imager, DoesNotDependOnTheNumberOfWorkers) {
-  for (const auto& [name, signal] : every_stage()) {
-    const auto one = measure(signal, key, image, width, height, 1);
-    for (unsigned workers : {2u, 3u, 7u}) EXPECT_EQ(one, measure(signal, key, image, width, height, workers)) << name << ", " << workers;
   }
 }
 
