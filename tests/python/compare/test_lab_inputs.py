@@ -13,14 +13,13 @@ import pytest
 import kuafu
 
 from activestereo.capture.capture import Capture, CaptureError, read_capture
-from activestereo.effects import Model, builtin
+from activestereo.effects import Model
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.depth_compare import DepthModel
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines.layers import RenderRequest
-from activestereo.model import read_model
 from activestereo.compare.nuisances import fit_nuisances, fit_with_exposures
 from activestereo.diagnose.diagnosis import diagnose
 from activestereo.scene_io.example_scene import CAMERA_TO_WORLD
@@ -90,20 +89,6 @@ def test_a_cache_may_lose_entries_to_another_run_meanwhile(tmp_path, monkeypatch
 
     monkeypatch.setattr("os.utime", vanished)
     assert len(cache.get("second")) == 1
-
-
-@pytest.mark.parametrize(
-    "effects",
-    [
-        [{}], [3], {"id": "haze"}, [{"id": "haze", "parameters": 3}],
-        [{"id": "haze", "parameters": {"extinction_per_m": None}}],
-    ],
-)  # fmt: skip
-def test_a_model_by_hand_is_told_what_is_wrong(tmp_path, effects):
-    path = tmp_path / "model.json"
-    path.write_text(json.dumps({"format": "active-stereo-model", "version": 1, "effects": effects}))
-    with pytest.raises(ValueError, match="model.json: effects"):
-        read_model(path, builtin())
 
 
 @pytest.mark.parametrize("judge", [compare, diagnose])

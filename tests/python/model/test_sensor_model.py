@@ -128,6 +128,11 @@ def test_surfaces_are_bound_by_name(whole):
         (lambda r: r["rig"]["left"].update(K=[1.0] * 9), "is no camera matrix"),
         (lambda r: r["pattern"].update(file="lost.png"), "lost.png does not exist"),
         (lambda r: r["imager"].pop("shot"), "imager.shot: is missing"),
+        (lambda r: r.update(effects={"id": "haze"}), "effects"),
+        (lambda r: r.update(effects=[{}]), "effects"),
+        (lambda r: r.update(effects=[3]), "effects"),
+        (lambda r: r["effects"][0].update(parameters=3), "effects"),
+        (lambda r: r["effects"][0]["parameters"].update(exponent=None), "effects"),
     ],
 )
 def test_what_is_wrong_is_one_line_that_names_it(whole, tmp_path, change, message, capsys):
