@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
+from activestereo.compare.engine_prediction import engines_of
 from activestereo.compare.image_errors import ImageErrors, Judged, error_shape, image_errors
 from activestereo.compare.mismatch import match_of, recording_warnings, scale_warnings
 from activestereo.compare.noise import transfer_points
-from activestereo.compare.render import WARP_SCALE, Halves, render_halves
+from activestereo.compare.render import BaseRenders, Renderer
 from activestereo.compare.where import (
     LARGEST_DISPARITY_ERROR_PX,
     ResidualImage,
@@ -33,12 +34,8 @@ from activestereo.compare.where import (
 )
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.surfaces import surface_text
-
-if TYPE_CHECKING:
-    from activestereo.compare.render import Renderer
-    from activestereo.effects.engines import SceneMeasurement
-    from activestereo.effects.engines.capture_renderer import CaptureRenderer
-
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
+from activestereo.effects.engines.loaded_scene import is_measured_room
 
 # The phases' names, and the seconds that each takes on two cores: a guess for a first run.
 RENDERING, LOOKING = "rendering the views", "looking where it fails"
@@ -98,23 +95,15 @@ def compare(
     if calibrate is not None:
         capture = calibrate(capture)
     if renderer is None:
-        from activestereo.compare.engine_prediction import engines_of
-        from activestereo.effects.engines import CaptureRenderer
-        from activestereo.effects.engines.loaded_scene import is_measured_room
-
         renderer = CaptureRenderer()
         if not is_measured_room(capture):
             engines = engines or engines_of("auto", samples_per_pixel, max_bounces, seed)
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.begin(RENDERING)
     model, samples = model or Model(), samples_per_pixel or usual_samples(capture)
-    sampled = capture, renderer, samples, max_bounces, seed, cache
-
-    def base(frames: Sequence[Frame], progress: Progress | None) -> Halves:
-        return render_halves(*sampled, progress, WARP_SCALE, frames)
-
     judged = [Judged(model, engines, scene_measurement), Judged(Model())][: 1 + bool(model.effects)]
-    errors, *without = image_errors(capture, judged, base, seed, phases, cache)
+    renders = BaseRenders(renderer, samples, max_bounces, seed, cache)
+    errors, *without = image_errors(capture, judged, renders, phases)
     phases.begin(LOOKING)
     made = RenderedWith(renderer.version, samples, max_bounces, seed)
     return comparison_of(errors, made, without[0] if without else None)

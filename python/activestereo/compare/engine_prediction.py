@@ -61,7 +61,7 @@ def engine_changes(
 
     def changes(model: Model, samples: int = 1) -> Mapping[ImageKey, NDArray[np.float32]]:
         if all(set(effect.engine_fields) <= _ADDED for effect, _ in model.effects):
-            return _kept_added_light(capture, renderer(samples), cache, model, frames)
+            return kept_lights(capture, renderer(samples), cache, model, frames, added_alone=True)
         by = renderer(samples).filtering_alike(capture, model)
         return {key: image - base(by)[key] for key, image in kept_lights(capture, by, cache, model, frames).items()}
 
@@ -71,45 +71,24 @@ def engine_changes(
 def kept_lights(
     capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame],
     scene_measurement: SceneMeasurement | None = None, progress: Progress | None = None,
-    half: int | None = None,
+    half: int | None = None, added_alone: bool = False,
 ) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
     """Renders the light on the frames under a model, or reads it from the cache; returns {(frame id, side): images
     [3][height][width] of direct, indirect and ambient light}. half: 0 or 1 renders one half of the samples; None: all
-    samples."""
-
-    def rendered() -> dict[ImageKey, NDArray[np.float32]]:
-        seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
-        return {key: np.stack([x.direct, x.indirect, x.ambient]) for key, x in seen.items()}
-
-    own = renderer.lights_key(capture, model, frames, scene_measurement, half)
-    return _kept(capture, renderer, cache, own, rendered)
-
-
-def _kept_added_light(
-    capture: Capture, renderer: CaptureRenderer, cache: LayerCache, model: Model, frames: Sequence[Frame]
-) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns what kept_lights() does, of the lights alone that a model's effects add."""
-
-    def rendered() -> dict[ImageKey, NDArray[np.float32]]:
-        seen = renderer.added_light(capture, model, frames)
-        return {key: np.stack([0.0 * image, 0.0 * image, image]) for key, image in seen.items()}
-
-    own = f"added {renderer.lights_key(capture, model, frames)}"
-    return _kept(capture, renderer, cache, own, rendered)
-
-
-def _kept(
-    capture: Capture, renderer: CaptureRenderer, cache: LayerCache, own: str,
-    rendered: Callable[[], dict[ImageKey, NDArray[np.float32]]],
-) -> dict[ImageKey, NDArray[np.float32]]:  # fmt: skip
-    """Returns rendered(), or what the cache has of it. own: the key of all that decides the light, but for the scene's
-    files and the engines' code."""
+    samples. added_alone: renders the lights alone that the model's effects add, as ambient light."""
+    own = renderer.lights_key(renderer.inputs(capture, model, frames, scene_measurement), half), added_alone
     code = [inspect.getsource(module) for _, module in inspect.getmembers(engines, inspect.ismodule)]
     of_world = scene_digest(capture.scene_path), loaded_scene.engine_version(renderer.device)
-    key = hashlib.sha256(repr(((own, code), of_world)).encode()).hexdigest()
+    key = hashlib.sha256(repr((own, code, of_world)).encode()).hexdigest()
     stored = cache.get_arrays(key)
     if stored is None:
-        stored = {f"{side}_{id}": images for (id, side), images in rendered().items()}
+        if added_alone:
+            added = renderer.added_light(capture, model, frames)
+            lights = {key: (0.0 * image, 0.0 * image, image) for key, image in added.items()}
+        else:
+            seen = renderer.lights(capture, model, frames, scene_measurement, progress, half)
+            lights = {key: (x.direct, x.indirect, x.ambient) for key, x in seen.items()}
+        stored = {f"{side}_{id}": np.stack(images) for (id, side), images in lights.items()}
         cache.put_arrays(key, stored)
     names = ((name, *name.split("_")) for name in stored)
     return {(int(id), side): stored[name] for name, side, id in names}

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +14,18 @@ from scipy.ndimage import gaussian_filter, laplace
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, Frame, ImageKey
 from activestereo.capture.images import block_means
+from activestereo.common.grouped import grouped
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.engine_prediction import LightOf, changes_no_ray, engine_lights
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel, noise_of_images
 from activestereo.compare.nuisances import Fit, fit_with_exposures
-from activestereo.compare.render import Halves, LayersOfFrames, mean_of_halves, noise_square
+from activestereo.compare.render import BaseRenders, LayersOfFrames, mean_of_halves, noise_square
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.model import Model
 from activestereo.effects.core.view import Layers, View
-from activestereo.effects.engines import SceneMeasurement
-
-if TYPE_CHECKING:
-    from activestereo.effects.engines.capture_renderer import CaptureRenderer
-
+from activestereo.effects.engines import CaptureRenderer, SceneMeasurement
 
 _SMOOTH_PX = 6.0  # wider than dots, narrower than changes by lights and lenses
 _BLOCK_PX = 32
@@ -196,32 +193,28 @@ class Judged:
 
 
 def image_errors(
-    capture: Capture, judged: Sequence[Judged], render: Callable[[Sequence[Frame], Progress | None], Halves],
-    seed: int = 0, progress: Progress | None = None, cache: LayerCache | None = None,
-) -> list[ImageErrors]:  # fmt: skip
+    capture: Capture, judged: Sequence[Judged], renders: BaseRenders, progress: Progress | None = None
+) -> list[ImageErrors]:
     """Computes the ImageErrors of models, after fitting each one's nuisances to the train frames. Raises CaptureError
     if there is nothing to fit.
 
-    Poses follow each other, because the layers of many large images take gigabytes. render: returns two renders of the
-    base model's light on frames of one pose, with independent random numbers and half of the samples each. progress:
-    called as progress(fraction done). cache: stores the engines' light; None: the user's own."""
-    poses: dict[bytes, list[Frame]] = {}
-    for frame in capture.frames:
-        poses.setdefault(frame.camera_to_world.tobytes(), []).append(frame)
+    Poses follow each other, because the layers of many large images take gigabytes. renders: renders the base model's
+    light in two halves; its cache stores the engines' light, too. progress: called as progress(fraction done)."""
+    poses = grouped((frame.camera_to_world.tobytes(), frame) for frame in capture.frames)
     parts = sum(j.is_traced() for j in judged) + 1  # of the progress; the last is for the base model's light
     shares = (part_of(progress, i / parts, (i + 1) / parts) for i in range(parts))
-    kept = cache or LayerCache()
+    kept = renders.cache or LayerCache()
     lights = [j.lights(capture, kept, next(shares) if j.is_traced() else None) for j in judged]
     last = next(shares)
     mean: dict[int, Mapping[str, Layers]] = {}
     views: dict[ImageKey, View] = {}
     sent: list[dict[ImageKey, NDArray[np.float32]]] = [{} for _ in judged]
-    for done, frames in enumerate(poses.values()):
-        halves = render(frames, part_of(last, done / len(poses), (done + 1) / len(poses)))
+    for done, frames in enumerate(poses):
+        halves = renders.halves(capture, frames, part_of(last, done / len(poses), (done + 1) / len(poses)))
         mean |= mean_of_halves(halves, is_fine=False)
         for frame, side in ((frame, side) for frame in frames for side in SIDES):
             key, both = (frame.id, side), [half[frame.id][side] for half in halves]
-            view = views[key] = View.of(capture, frame, side, mean[frame.id][side], seed)
+            view = views[key] = View.of(capture, frame, side, mean[frame.id][side], renders.seed)
             for light, images in zip(lights, sent, strict=True):
                 seen = (light(half, layers, view) for half, layers in enumerate(both))
                 images[key] = np.array([(x.projector, x.ambient) for x in seen], dtype=np.float32)

@@ -26,6 +26,7 @@ from scipy.optimize import linprog, nnls
 from scipy.special import ndtr
 
 from activestereo.capture.capture import SIDES, Capture, Frame, ImageKey, repeat_keys
+from activestereo.common.grouped import grouped
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage, warp_between
 from activestereo.compare.nuisances import regressors
@@ -57,13 +58,10 @@ _Item = TypeVar("_Item")
 def by_repeats(items: Iterable[tuple[Frame, str, _Item]]) -> list[list[_Item]]:
     """Groups (frame, camera, item) by static view and camera; returns the items of each group in order. Frames without
     repeats are left out."""
-    groups: dict[tuple[object, str], list[_Item]] = {}
     every = list(items)
     keys = repeat_keys(frame for frame, _, _ in every)
-    for frame, side, item in every:
-        if frame.id in keys:
-            groups.setdefault((keys[frame.id], side), []).append(item)
-    return [group for group in groups.values() if len(group) > 1]
+    groups = grouped(((keys[frame.id], side), item) for frame, side, item in every if frame.id in keys)
+    return [group for group in groups if len(group) > 1]
 
 
 @dataclass(frozen=True)

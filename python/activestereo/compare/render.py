@@ -6,7 +6,7 @@ changes whenever its pixels may change.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 import kuafu
 from activestereo.capture.capture import SIDES, Capture, Frame
 from activestereo.capture.capture_json import CaptureError
+from activestereo.common.grouped import grouped
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.cache import LayerCache
 from activestereo.effects.core.resample import SupersampledImages
@@ -57,36 +58,39 @@ def render_frames(
     return layers
 
 
-def render_halves(
-    capture: Capture, renderer: Renderer, samples_per_pixel: int = 64, max_bounces: int = 8, seed: int = 0,
-    cache: LayerCache | None = None, progress: Progress | None = None, scale: int = 1,
-    frames: Sequence[Frame] | None = None,
-) -> Halves:  # fmt: skip
-    """Renders twice as render_frames() does, each time with half of the samples and independent random numbers."""
-    half, seeds = halves(samples_per_pixel, seed)
-    first, second = _rendered(capture, renderer, half, max_bounces, seeds, cache, progress, scale, frames)
-    return first, second
+@dataclass(frozen=True)
+class BaseRenders:
+    """Renders the base model's light, supersampled, with the same settings on any capture. cache: None: the user's
+    own."""
 
+    renderer: Renderer
+    samples_per_pixel: int
+    max_bounces: int = 8
+    seed: int = 0
+    cache: LayerCache | None = None
 
-def render_for_fits(
-    capture: Capture, renderer: Renderer, samples_per_pixel: int, max_bounces: int, seed: int,
-    cache: LayerCache | None, progress: Progress | None, scale: int, frames: Sequence[Frame],
-    is_draft: bool = False,
-) -> LayersOfFrames:  # fmt: skip
-    """Renders as render_frames() does, by the halves that errors are told from later. is_draft: renders with fewer
-    samples, for poses that a search leaves again."""
-    if is_draft:
-        few = max(1, samples_per_pixel // _DRAFTED)
-        return render_frames(capture, renderer, few, max_bounces, seed, cache, progress, scale, frames)
-    poses: dict[bytes, list[Frame]] = {}
-    for frame in frames:
-        poses.setdefault(frame.camera_to_world.tobytes(), []).append(frame)
-    layers: dict[int, Mapping[str, Layers]] = {}
-    for done, some in enumerate(poses.values()):  # one by one, because halves of large images take gigabytes
-        share = part_of(progress, done / len(poses), (done + 1) / len(poses))
-        sampled = samples_per_pixel, max_bounces, seed, cache, share, scale, some
-        layers |= mean_of_halves(render_halves(capture, renderer, *sampled))
-    return layers
+    def halves(self, capture: Capture, frames: Sequence[Frame], progress: Progress | None = None) -> Halves:
+        """Renders twice as render_frames() does, each time with half of the samples and independent random numbers."""
+        half, seeds = halves(self.samples_per_pixel, self.seed)
+        how = half, self.max_bounces, seeds, self.cache, progress, WARP_SCALE
+        first, second = _rendered(capture, self.renderer, *how, frames)
+        return first, second
+
+    def for_fits(
+        self, capture: Capture, frames: Sequence[Frame], progress: Progress | None, is_draft: bool
+    ) -> LayersOfFrames:
+        """Renders as render_frames() does, by the halves that errors are told from later. is_draft: renders with fewer
+        samples, for poses that a search leaves again."""
+        if is_draft:
+            few = max(1, self.samples_per_pixel // _DRAFTED)
+            how = few, self.max_bounces, self.seed, self.cache, progress, WARP_SCALE
+            return render_frames(capture, self.renderer, *how, frames)
+        layers: dict[int, Mapping[str, Layers]] = {}
+        poses = grouped((frame.camera_to_world.tobytes(), frame) for frame in frames)
+        for done, some in enumerate(poses):  # one by one, because halves of large images take gigabytes
+            share = part_of(progress, done / len(poses), (done + 1) / len(poses))
+            layers |= mean_of_halves(self.halves(capture, some, share))
+        return layers
 
 
 def _rendered(

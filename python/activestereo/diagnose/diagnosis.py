@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import Capture, Frame, ImageKey, binned, read_capture, usual_binning, usual_samples
+from activestereo.capture.capture import Capture, ImageKey, binned, read_capture, usual_binning, usual_samples
 from activestereo.common.computed_once import computed_once
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import Comparison, RenderedWith, comparison_of
+from activestereo.compare.engine_prediction import engine_changes, engines_of
 from activestereo.compare.image_errors import ImageErrors
-from activestereo.compare.render import WARP_SCALE, Halves, LayersOfFrames, Renderer, render_for_fits, render_halves
+from activestereo.compare.render import BaseRenders, LayersOfFrames, Renderer
 from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
@@ -50,6 +51,7 @@ from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict
 from activestereo.diagnose.words import explained, html_of, ranking_figure
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects.engines.loaded_scene import has_room_light, is_measured_room
 from activestereo.model import SensorModel
 from activestereo.model.library import find, library, model_json, scene_of
@@ -58,7 +60,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from activestereo.diagnose.room.unseen import Unseen
-    from activestereo.effects.engines import CaptureRenderer
 
 _NO_FIGURES: dict[str, Any] = {
     **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
@@ -189,25 +190,21 @@ def diagnose(
         raise ValueError(f"{capture_path}: a reference serves rooms of calibrate world alone: leave it out")
     capture = binned(whole, usual_binning(whole) if binning is None else binning)
     if renderer is None:
-        from activestereo.compare.engine_prediction import engine_changes, engines_of
-        from activestereo.effects.engines import CaptureRenderer
-
         traced = "auto", samples_per_pixel, max_bounces, seed
         renderer, engines = CaptureRenderer(), engines or engines_of(*traced)
         rendering = rendering or (lambda capture: engine_changes(capture, *traced))
-    tracer: Renderer = renderer
     kept = cache or LayerCache()
     phases = progress if isinstance(progress, Phases) else Phases(progress, PHASES)
     phases.begin(RENDERING)
-    searched = samples_per_pixel or usual_samples(capture)
+    searched = BaseRenders(renderer, samples_per_pixel or usual_samples(capture), max_bounces, seed, kept)
     samples_per_pixel = samples_per_pixel or usual_samples(whole)
-    known, made_by = _effects_of(model, capture.scene_path), (renderer.version, searched, max_bounces)
+    known = _effects_of(model, capture.scene_path)
+    made_by = renderer.version, searched.samples_per_pixel, max_bounces
 
     def render(
         capture: Capture, split: str = "train", progress: Progress | None = phases, is_draft: bool = False
     ) -> LayersOfFrames:
-        sampled = searched, max_bounces, seed, kept, progress, WARP_SCALE
-        return render_for_fits(capture, tracer, *sampled, capture.split(split), is_draft)
+        return searched.for_fits(capture, capture.split(split), progress, is_draft)
 
     looked: list[tuple[Geometry, FitCache]] = []
 
@@ -225,14 +222,9 @@ def diagnose(
     def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:
         return with_test_frames(evidence, fitter, solution, model, partial(render, split="test", progress=None))
 
-    sampled = samples_per_pixel, max_bounces, seed, kept
-
-    def base(capture: Capture, frames: Sequence[Frame], progress: Progress | None) -> Halves:
-        return render_halves(capture, tracer, *sampled, progress, WARP_SCALE, frames)
-
-    errors = ErrorsOfModels(whole, base, seed, engines, phases, kept)
+    errors = ErrorsOfModels(whole, replace(searched, samples_per_pixel=samples_per_pixel), engines, phases)
     made = RenderedWith(renderer.version, samples_per_pixel, max_bounces, seed)
-    options = made, searched, capture.binning, numbers, rendering is None, engines is None
+    options = made, searched.samples_per_pixel, capture.binning, numbers, rendering is None, engines is None
     is_given = isinstance(model, SensorModel) or bool(known.effects)
     key = None if is_given else key_of(whole, effects, *options)
     tell = says or (lambda text: None)

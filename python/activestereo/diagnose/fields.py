@@ -16,6 +16,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from activestereo.capture.capture import SIDES, Frame
+from activestereo.common.grouped import grouped
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.diagnose.evidence import Observation, edges
 from activestereo.diagnose.fitter import ImageResidual
@@ -212,12 +213,12 @@ def _is_white(rows: Sequence[ImageResidual], neighbours: float) -> bool:
     """Returns whether the residuals that repeats of a view share are uncorrelated between neighbouring pixels, without
     edges. That holds for speckle grains, but not for shifted, dimmed or blurred dots. neighbours: the largest
     correlation allowed."""
-    by_view: dict[object, list[np.ndarray]] = {}
-    for o, _, _, r in rows:
-        view = pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side
-        by_view.setdefault(view, []).append(np.where(edges(o), np.nan, r * np.sqrt(o.weight)))
+    by_view = grouped(
+        ((pose_key(o), o.frame.exposure_gain, o.frame.projector_power, o.side), (o, r)) for o, _, _, r in rows
+    )
     same, beside = 0.0, np.zeros(2)
-    for first, second, *_ in (group for group in by_view.values() if len(group) > 1):
+    for group in (group for group in by_view if len(group) > 1):
+        first, second = (np.where(edges(o), np.nan, r * np.sqrt(o.weight)) for o, r in group[:2])
         same += np.nanmean(first * second)
         beside += [np.nanmean(first[:, 1:] * second[:, :-1]), np.nanmean(first[1:] * second[:-1])]
     return bool(same > 0 and np.abs(beside).max() < neighbours * same)

@@ -6,45 +6,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import SIDES, Capture, Frame
+from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.progress_bar import Progress, part_of
-from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import ImageErrors, Judged, image_errors
 from activestereo.compare.mismatch import match_of, recording_warnings
-from activestereo.compare.render import Halves
+from activestereo.compare.render import BaseRenders
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
 from activestereo.effects import Model
 from activestereo.effects.core.surfaces import surface_names
+from activestereo.effects.engines import CaptureRenderer
 from activestereo.model import SensorModel
 from activestereo.model.diagnosed import calibrated
-
-if TYPE_CHECKING:
-    from activestereo.effects.engines import CaptureRenderer
-
 
 _GIVEN_SHARE = 0.4  # of the progress, for a given model at the stated geometry
 
 
 @dataclass(frozen=True)
 class ErrorsOfModels:
-    """Computes ImageErrors of models on a capture, at its stated geometry and at the estimated geometry. base: renders
-    the base model's light on frames of a capture (image_errors()). seed, engines: as in compare(). progress: called
-    with the share done. cache: keeps the engines' light, or None. stands: the capture at the estimated geometry, None
-    if that is the stated one."""
+    """Computes ImageErrors of models on a capture, at its stated geometry and at the estimated geometry. renders: of
+    the base model's light (image_errors()). engines: as in compare(). progress: called with the share done. stands: the
+    capture at the estimated geometry, None if that is the stated one."""
 
     capture: Capture
-    base: Callable[[Capture, Sequence[Frame], Progress | None], Halves]
-    seed: int = 0
+    renders: BaseRenders
     engines: Callable[[Capture], CaptureRenderer] | None = None
     progress: Progress | None = None
-    cache: LayerCache | None = None
     stands: Capture | None = None
 
     def at_stated_geometry(self, model: SensorModel) -> ErrorsOfModels:
@@ -72,7 +64,7 @@ class ErrorsOfModels:
                 judged.append(Judged(model.bound(names), self.engines, model.scene_measurement(names)))
             else:
                 judged.append(Judged(Model()) if model is None else Judged(model, self.engines))
-        return image_errors(capture, judged, partial(self.base, capture), self.seed, progress, self.cache)
+        return image_errors(capture, judged, self.renders, progress)
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:

@@ -6,13 +6,14 @@ light, but photon transfer takes it for light. If it grows from one repeat to th
 model found so far removes such errors from the estimate.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES, SPLITS, Capture, repeat_keys
+from activestereo.common.grouped import grouped
 from activestereo.common.input_files import read_json
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
@@ -27,7 +28,7 @@ from activestereo.compare.nuisances import Nuisances, fit_nuisances, predict
 from activestereo.compare.render import LayersOfFrames
 from activestereo.diagnose.evidence import TILE_PX, Evidence, Observation, edge_discrepancy, weight_of
 from activestereo.diagnose.fitter import ImageResidual
-from activestereo.diagnose.geometry import Geometry, focal_slopes, geometry_slopes
+from activestereo.diagnose.geometry import Geometry, derivatives_in_dn, focal_slopes, geometry_slopes
 from activestereo.effects import Model, View
 from activestereo.effects.core.surfaces import scene_surfaces
 
@@ -107,7 +108,7 @@ def _observed(
     nuisances, noise_model, places = evidence.nuisances, evidence.noise_model, evidence.geometry.places()
     edge_discrepancy_m = edge_discrepancy(train, _predicted(train, nuisances), noise_model)
     expected = _expected(images, evidence.noise_variances, nuisances)
-    growing, moving = focal_slopes(images, nuisances), geometry_slopes(images, nuisances)
+    growing, moving = (derivatives_in_dn(images, nuisances, of) for of in (focal_slopes, geometry_slopes))
     material_of = np.array([s.material for s in scene_surfaces(evidence.capture.scene_path)], dtype=np.int64)
 
     def material(s: MeasuredImage) -> np.ndarray:
@@ -154,12 +155,9 @@ def _expected(
     A weight that depends on its own pixel's noise biases fits downwards, since bright grains get too little weight.
     Therefore a prediction that is as good as the noise allows is used alone.
     """
-    groups: dict[Hashable, list[MeasuredImage]] = {}
     keys = repeat_keys(s.frame for s in measured_images)
-    for s in measured_images:
-        groups.setdefault((keys.get(s.frame.id, s.frame.id), s.side), []).append(s)
     expected: dict[tuple[int, str], np.ndarray] = {}
-    for group in groups.values():
+    for group in grouped(((keys.get(s.frame.id, s.frame.id), s.side), s) for s in measured_images):
         images = [predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
         noise = np.mean([noise_variances[s.key] for s in group])

@@ -8,7 +8,7 @@ the projector moves with the rig.
 """
 
 import os
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -18,6 +18,7 @@ from scipy.linalg import logm
 from scipy.ndimage import minimum_filter
 
 from activestereo.capture.capture import SIDES, Capture, ImageKey
+from activestereo.common.grouped import grouped
 from activestereo.common.pose import motion_of_twist
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.nuisances import predict
@@ -145,15 +146,9 @@ def _composed(first: Twist, second: Twist) -> Twist:
     return np.array([*generator[:3, 3], generator[2, 1], generator[0, 2], generator[1, 0]])
 
 
-def geometry_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns each image's derivatives by the projector's twist, then by the view's pose: DN per metre and radian,
-    [12][height][width]."""
-    return derivatives_in_dn(images, nuisances, _radiance_slopes)
-
-
-def _radiance_slopes(image: MeasuredImage) -> NDArray[np.float32]:
-    """Returns the derivatives of the projector's light and of the ambient light by the projector's and the pose's
-    twist, [2][12][height][width].
+def geometry_slopes(image: MeasuredImage) -> NDArray[np.float32]:
+    """Returns the derivatives of the projector's light and of the ambient light by the projector's twist, then by the
+    view's pose, per metre and radian, [2][12][height][width].
 
     A surface point's motion changes both lights linearly, with a gradient g [..., 3] by that motion. The derivatives by
     a twist (v, w) at point p follow as forces and moments do: v . g + (w x p) . g = v . g + w . (p x g).
@@ -210,7 +205,8 @@ def _gradients(layers: Layers) -> np.ndarray:
     of a texture is as sharp as a pixel, so supersampled images are shifted by one sample where there are any."""
     fine = layers.supersampled
     if fine is None:
-        return np.stack([_gradient(getattr(layers, name)) for name in ("indirect", "ambient", "flat")])
+        light = (getattr(layers, name).astype(np.float64) for name in ("indirect", "ambient", "flat"))
+        return np.stack([np.stack(np.gradient(image)[::-1], axis=-1) for image in light])
     images, edge, size = fine.images()[1:], fine.margin_px * fine.scale, fine.scale
     height, width = (size * n for n in layers.depth_m.shape)
 
@@ -239,12 +235,6 @@ def _motion_derivative(K: np.ndarray, points: np.ndarray, z: np.ndarray, gradien
     return np.stack([of_u, of_v, -(of_u * points[..., 0] + of_v * points[..., 1]) / z], axis=-1)
 
 
-def _gradient(image: np.ndarray) -> np.ndarray:
-    """Returns the change per pixel along u and v, [height][width][2]."""
-    down, right = np.gradient(image.astype(np.float64))
-    return np.stack([right, down], axis=-1)
-
-
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i", a, b)
 
@@ -266,19 +256,14 @@ def _not_grazing(normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return np.where(np.abs(product) > _GRAZING * np.linalg.norm(direction, axis=-1), product, np.inf)
 
 
-def focal_slopes(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, NDArray[np.float32]]:
-    """Returns {(frame id, side): image change in DN per relative change of the focal length, [height][width]}.
+def focal_slopes(image: MeasuredImage) -> NDArray[np.float32]:
+    """Returns the derivatives of the projector's light and of the ambient light by the relative focal length,
+    [2][height][width].
 
-    It is a central difference, of supersampled images if there are any. A dot is hardly wider than a pixel, so
+    They are central differences, of supersampled images if there are any. A dot is hardly wider than a pixel, so
     differences between pixels would be wrong by half. A wrong derivative would make the fit take a focal length error
     for an effect that also stretches the image.
     """
-    return derivatives_in_dn(images, nuisances, _focal_slope)
-
-
-def _focal_slope(image: MeasuredImage) -> NDArray[np.float32]:
-    """Returns the derivatives of the projector's light and of the ambient light by the focal length,
-    [2][height][width]."""
     (u, v), (cx, cy) = image.view.pixels(), image.view.K[:2, 2]
     light = Light.of(image.layers)
 
@@ -298,9 +283,7 @@ def derivatives_in_dn(
     of_light(image): returns the derivatives of projector light and ambient light, [2][...][height][width]. It is called
     once per pose and camera.
     """
-    views: dict[Hashable, list[MeasuredImage]] = {}
-    for image in images:
-        views.setdefault((image.side, image.frame.camera_to_world.tobytes()), []).append(image)
+    views = grouped(((image.side, image.frame.camera_to_world.tobytes()), image) for image in images)
 
     def of_view(seen: list[MeasuredImage]) -> dict[ImageKey, NDArray[np.float32]]:
         by_light = of_light(seen[0])
@@ -314,4 +297,4 @@ def derivatives_in_dn(
         return {image.key: alike[scales(image.frame)] for image in seen}
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return {key: slopes for own in pool.map(of_view, views.values()) for key, slopes in own.items()}
+        return {key: slopes for own in pool.map(of_view, views) for key, slopes in own.items()}

@@ -13,7 +13,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.noise import by_repeats, comb_of, fit_noise_model, unsteady_light
-from activestereo.compare.render import mean_of_halves, noise_square, render_halves
+from activestereo.compare.render import BaseRenders, mean_of_halves, noise_square
 from activestereo.diagnose import diagnose
 from activestereo.effects import builtin
 from lab_worlds import RememberingRenderer, WorldRenderer
@@ -149,7 +149,7 @@ def test_errors_of_both_commands_do_not_grow_with_the_renderers_noise(lab_world,
 
 def test_halves_are_independent_and_their_mean_is_of_all_samples(lab_world, clean, tmp_path):
     capture, renderer = read_capture(lab_world.capture_path), NoisyRenderer(clean, NOISE)
-    halves = render_halves(capture, renderer, 4, cache=LayerCache(tmp_path), scale=2)
+    halves = BaseRenders(renderer, 4, cache=LayerCache(tmp_path)).halves(capture, capture.frames)
     mean, key = mean_of_halves(halves), (capture.frames[0].id, "left")
     first, second = (half[key[0]][key[1]] for half in halves)
     seen = first.ambient > 0

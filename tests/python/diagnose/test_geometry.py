@@ -19,7 +19,7 @@ from activestereo.compare.render import render_frames
 from activestereo.diagnose.fitter import Fitter, ParameterSpace
 from activestereo.diagnose.found_model import albedo_json, albedo_surfaces, found_model, geometry_json
 from activestereo.diagnose.gather import gather
-from activestereo.diagnose.geometry import TWIST, Geometry, focal_slopes, geometry_slopes
+from activestereo.diagnose.geometry import TWIST, Geometry, derivatives_in_dn, focal_slopes, geometry_slopes
 from activestereo.diagnose.geometry_search import (
     _moving_beyond_others,
     _searched,
@@ -92,7 +92,7 @@ def test_slopes_are_those_of_a_wall_by_closed_form():
     view, layers = seen(replace(example_view("left"), frame=frame, pattern=pattern, projector_K=K))
     shot = MeasuredImage(frame, "left", view, layers, layers.direct)
     for nuisances, light in ((Nuisances(1.0, 0.0, 0.0), "direct"), (Nuisances(0.0, 1.0, 0.0), "ambient")):
-        slopes = geometry_slopes([shot], nuisances)[shot.key]
+        slopes = derivatives_in_dn([shot], nuisances, geometry_slopes)[shot.key]
         for number, slope in enumerate(slopes):
             step = 1e-4 * np.eye(TWIST)[number % TWIST]
             which = "projector" if number < TWIST else "camera"
@@ -364,7 +364,7 @@ def test_the_slope_along_the_focal_length_is_that_of_finer_images(scale, error):
         )
         layers = Layers(dots, none, none, dots, none, none, none, supersampled=images)
     shot = MeasuredImage(view.frame, view.side, view, layers, dots)
-    slope = focal_slopes([shot], Nuisances(40.0, 0.0, 4.0))[shot.key]
+    slope = derivatives_in_dn([shot], Nuisances(40.0, 0.0, 4.0), focal_slopes)[shot.key]
     step = 1e-4
     truth = 40.0 * (pixel_means(view, focal_px * (1 + step)) - pixel_means(view, focal_px * (1 - step))) / (2 * step)
     assert np.std(slope - truth) < error * np.std(truth)
@@ -392,7 +392,7 @@ def test_the_slope_at_an_edge_is_that_of_the_nearer_surface_in_finer_images():
     shot = MeasuredImage(view.frame, view.side, view, layers, layers.ambient)
     step_m = 0.25 * 0.5 / view.K[0, 0]  # a quarter of a pixel on the card
     truth = sum(side * card_before_a_wall(view, side * step_m).ambient for side in (-1, 1)) / (2.0 * step_m)
-    slope = geometry_slopes([shot], Nuisances(0.0, 1.0, 0.0))[shot.key][TWIST]
+    slope = derivatives_in_dn([shot], Nuisances(0.0, 1.0, 0.0), geometry_slopes)[shot.key][TWIST]
     assert slope.sum() == pytest.approx(truth.sum(), rel=0.02)
     assert np.linalg.norm(slope - truth) < 0.4 * np.linalg.norm(truth)
 

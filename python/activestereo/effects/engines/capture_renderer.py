@@ -187,17 +187,10 @@ class CaptureRenderer:
                     out |= {(frame.id, side): x for frame, _ in at_pose for side, x in zip(SIDES, lights, strict=True)}
         return out
 
-    def lights_key(
-        self,
-        capture: Capture,
-        model: Model,
-        frames: Iterable[Frame] | None = None,
-        scene_measurement: SceneMeasurement | None = None,
-        half: int | None = None,
-    ) -> str:
+    def lights_key(self, frames: Iterable[tuple[Frame, EngineInputs]], half: int | None) -> str:
         """Returns a hash of all that decides lights(), but for the scene's files and the engine's version. It is equal
-        in every process."""
-        inputs = [own for _, own in self.inputs(capture, model, frames, scene_measurement)]
+        in every process. frames: as inputs() returns them."""
+        inputs = [own for _, own in frames]
         powers = [(i.frame.id, i.projector and i.projector.ir_intensity) for i in inputs]
         smooth = self._smooth and SMOOTH_VERSION
         settings = self.samples_per_pixel, self.max_bounces, self.seed, half, smooth, BOUNCED_VERSION
