@@ -32,30 +32,25 @@ def default_cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "activestereo" / "layers"
 
 
-def default_limit_bytes() -> int:
-    """Returns ACTIVESTEREO_CACHE_GB in bytes, else 2 GB. Raises ValueError for anything but a number of at least 0."""
-    text = os.environ.get(_LIMIT_VARIABLE)
-    try:
-        gigabytes = float(text) if text else _LIMIT_GB
-    except ValueError:
-        gigabytes = -1.0
-    if not 0.0 <= gigabytes < 1e6:
-        raise ValueError(f"{_LIMIT_VARIABLE} is '{text}', expected gigabytes: a number of at least 0")
-    return int(gigabytes * 1e9)
-
-
 class CacheWarning(UserWarning):
     """Warns that renders cannot be stored, or that a stored entry cannot be read."""
 
 
 class LayerCache:
     """A folder of cache files `<key>.npz`, each with named arrays: the rendered layers of one rig pose, images, or the
-    fits to a capture. If the files exceed limit_bytes (None: default_limit_bytes()), the least recently used are
-    removed."""
+    fits to a capture. If the files exceed ACTIVESTEREO_CACHE_GB, else 2 GB, the least recently used are removed. Raises
+    ValueError if that is no number of at least 0."""
 
-    def __init__(self, folder: str | Path | None = None, limit_bytes: int | None = None) -> None:
+    def __init__(self, folder: str | Path | None = None) -> None:
         self.folder = Path(folder) if folder else default_cache_folder()
-        self.limit_bytes = default_limit_bytes() if limit_bytes is None else limit_bytes
+        text = os.environ.get(_LIMIT_VARIABLE)
+        try:
+            gigabytes = float(text) if text else _LIMIT_GB
+        except ValueError:
+            gigabytes = -1.0
+        if not 0.0 <= gigabytes < 1e6:
+            raise ValueError(f"{_LIMIT_VARIABLE} is '{text}', expected gigabytes: a number of at least 0")
+        self.limit_bytes = int(gigabytes * 1e9)
 
     def get(self, key: str) -> tuple[Layers, ...] | None:
         """Returns the stored layers, one Layers per camera, or None."""

@@ -24,7 +24,7 @@ from activestereo.diagnose.evidence import TILE_PX
 from activestereo.diagnose.goodness import Z90, Interval, design_effect, within_ranges
 from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.numbers import Numbers
-from activestereo.diagnose.ranking import parameter_json
+from activestereo.diagnose.ranking import entry_json
 from activestereo.diagnose.verdict import EFFECT, NONE, UNDETERMINED
 from activestereo.effects import Effect, Model, Stage, View
 from activestereo.effects.core.descriptor import Channel
@@ -299,9 +299,9 @@ class _Judge:
         as the device's. Returns None if the effect does not smooth, or if the device is not smoother."""
         first, differ = effect.parameters[0], self._numbers.engines_differ
         wanted = self._roughness([frame.device for frame in self._frames])
-        ladder = [0.0, *_LADDER * first.typical]
+        ladder, others = [0.0, *_LADDER * first.typical], [p.neutral for p in effect.parameters[1:]]
         rough = [
-            self._roughness([frame.filtered(effect, _leading(effect, x)) for frame in self._frames]) for x in ladder
+            self._roughness([frame.filtered(effect, np.array([x, *others])) for frame in self._frames]) for x in ladder
         ]
         ratio = rough[0] / max(wanted, 1e-12)
         if ratio < differ or rough[-1] > _ROUGH_SHARE * rough[0]:
@@ -324,11 +324,6 @@ class _Judge:
                 total += (((error - np.roll(error, 1, axis)) ** 2)[both]).sum()
                 count += both.sum()
         return total / max(count, 1)
-
-
-def _leading(effect: Effect, value: float) -> np.ndarray:
-    """Returns an effect's parameters [n]: the value for the first one, neutral values for the others."""
-    return np.array([value, *(p.neutral for p in effect.parameters[1:])])
 
 
 def pose_error_nats(nats: float, offset_px: np.ndarray, pose_error_px: float) -> float:
@@ -360,18 +355,10 @@ def depth_json(depth: Depth, numbers: Numbers, name_of: Callable[[int], str]) ->
     elif not depth.images_agree:
         verdict, reason = UNDETERMINED, "the model's infrared images differ from those that it matched"
     entries = [
-        {
-            "effect": f.effect.id,
-            "family": f.effect.family,
-            "finding": f.effect.finding,
-            "channel": "depth",
-            "score_nats": f.nats,
-            "confidence": numbers.credible if f.is_named else 0.0,
-            "explained_share": f.share,
-            "parameters": {p.name: parameter_json(p, found[p.name], name_of) for p in f.effect.parameters},
-            "equivalent": [],
-            "nuisance": f.effect.engine_fault.is_matcher_choice,
-        }
-        for f, found in ((f, f.parameters()) for f in depth.findings)
+        entry_json(
+            f.effect, "depth", f.nats, numbers.credible if f.is_named else 0.0, f.share, f.parameters(), [], name_of
+        )
+        | {"nuisance": f.effect.engine_fault.is_matcher_choice}
+        for f in depth.findings
     ]
     return {"verdict": verdict, "reason": reason, "ranking": entries, "added": [f.effect.id for f in faults]}

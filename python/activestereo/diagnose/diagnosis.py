@@ -30,7 +30,6 @@ from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
 from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse, without_light
-from activestereo.diagnose.first_words import first_words
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
 from activestereo.diagnose.gather import no_infrared
@@ -46,6 +45,7 @@ from activestereo.diagnose.ranking import judging_of, parameters_of, probabiliti
 from activestereo.diagnose.refit import Rendering, restore_functions
 from activestereo.diagnose.residual_model import effect_stub, residual_model
 from activestereo.diagnose.search import Search
+from activestereo.diagnose.selection import first_words
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
 from activestereo.diagnose.words import explained, html_of, ranking_figure

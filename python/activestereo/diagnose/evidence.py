@@ -37,12 +37,13 @@ _PICKED_SHARE, _SEED = 0.25, 11
 
 def edges(o: MeasuredImage) -> np.ndarray:
     """Returns the pixels next to an edge of a material or a surface, bool [height][width]."""
-    return o.view.once("edges", lambda: _edges(o.view.depth_m, np.asarray(o.layers.material)))
 
+    def found() -> np.ndarray:
+        z, material = o.view.depth_m, np.asarray(o.layers.material)
+        edge = maximum_filter(material, 3) != minimum_filter(material, 3)
+        return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > DEPTH_STEP * z)
 
-def _edges(z: np.ndarray, material: np.ndarray) -> np.ndarray:
-    edge = maximum_filter(material, 3) != minimum_filter(material, 3)
-    return edge | (maximum_filter(z, 3) - minimum_filter(z, 3) > DEPTH_STEP * z)
+    return o.view.once("edges", found)
 
 
 def edge_slopes(o: MeasuredImage, image: np.ndarray) -> np.ndarray:
@@ -197,7 +198,10 @@ def one_of_each_situation(
     of the pixels counts. Every camera effect acts on the right camera; the left image shows differences between the
     cameras. Right images of equal settings have at most most_pixels in all; one image is always there."""
     poses_of: dict[tuple, set[bytes]] = {}
-    left = _left_image(observations)
+    lefts = [o for o in observations if o.side == "left"]
+    # The last repeat of the left camera's first image shows flickering light at another time.
+    groups = by_repeats((o.frame, o.side, o) for o in lefts)
+    left = next((group[-1] for group in groups if group[0] is lefts[0]), lefts[0] if lefts else None)
     chosen: list[Observation] = []
     for o in observations:
         f = o.frame
@@ -212,11 +216,3 @@ def one_of_each_situation(
             picked = np.sort(rng.permutation(o.pixels)[: int(share * o.pixels)])
             chosen.append(replace(o, pick=picked if o.pick is None else o.pick[picked]))
     return tuple(chosen)
-
-
-def _left_image(observations: Sequence[Observation]) -> Observation | None:
-    """Returns the left camera's first image, or the last one of its repeats; None if there is none. The last repeat
-    shows flickering light at another time."""
-    left = [o for o in observations if o.side == "left"]
-    groups = by_repeats((o.frame, o.side, o) for o in left)
-    return next((group[-1] for group in groups if group[0] is left[0]), left[0]) if left else None

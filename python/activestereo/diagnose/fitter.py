@@ -261,7 +261,8 @@ class Fitter:
         """Returns the normal equations at (theta, phi). Columns: the first n_theta entries of theta (None: all), then
         phi."""
         n_theta = len(theta) if n_theta is None else n_theta
-        sums = Sums.of_size(n_theta + len(phi), self._tiles)
+        size = n_theta + len(phi)
+        sums = Sums(np.zeros((size, size)), np.zeros(size), np.zeros(self._tiles))
         has_blocks = self._supersampled and n_theta > 0
         for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
             sums.add(pixels, columns, residual, n_theta, phi, has_blocks)

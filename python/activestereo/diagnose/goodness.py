@@ -12,7 +12,7 @@ draws (photons, read noise, grains, the renderer's samples) do not agree, in exp
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -107,9 +107,6 @@ class Interval:
     high: float
     unit: str
     floor: float = 0.0
-
-    def as_json(self) -> dict[str, float | str]:
-        return asdict(self)
 
 
 def interval(parameter: Parameter, value: float, deviation: float) -> Limits:

@@ -101,7 +101,7 @@ def linearised(fitter: Fitter, solution: Solution) -> Linear:
         block[own + SCALES + p.observation.geometry_places] = p.geometry
         residual[first:end] = rest * weight
     prior, pull = fitter.prior(own, space), fitter.pull(phi, own, space, theta)
-    surface = [p.gather(_surface(p.observation)) for p in pixels]
+    surface = [p.gather(np.asarray(p.observation.layers.material)).astype(np.int64) for p in pixels]
     return Linear(fitter, solution, A, prior, pull, residual, np.concatenate(surface))
 
 
@@ -118,11 +118,6 @@ def fitted_model(fitter: Fitter, model: Model, phi: NDArray[np.float64]) -> Solu
     """Fits a model and the nuisances, starting from the model's parameters and phi. Returns the Solution."""
     space = ParameterSpace.of(model)
     return fitter.refine(space, space.start, phi, _ROUNDS)
-
-
-def _surface(o: Observation) -> NDArray[np.int64]:
-    material = o.view.material
-    return np.zeros(o.view.shape, np.int64) if material is None else np.asarray(material).astype(np.int64)
 
 
 @dataclass(frozen=True)

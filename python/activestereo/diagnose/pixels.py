@@ -254,10 +254,6 @@ class Sums:
     block_moment: dict[Cluster, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def of_size(cls, size: int, tiles: int) -> "Sums":
-        return cls(np.zeros((size, size)), np.zeros(size), np.zeros(tiles))
-
-    @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray], observations: Sequence[Observation]) -> "Sums":
         """Makes Sums from the result of as_arrays(). observations: those that were summed, in the same order."""
         clusters = dict.fromkeys(map(cluster_of, observations))

@@ -19,10 +19,28 @@ Parameters = Mapping[str, Interval]
 Json = dict[str, object]
 
 
-def parameter_json(parameter: Parameter, found: Interval, name_of: Callable[[int], str]) -> Json:
-    """Returns a fitted parameter as JSON. A choice of surfaces also lists its materials; an empty list means all."""
-    names = {"materials": [name_of(k) for k in material_numbers(found.value)]} if parameter.choice else {}
-    return found.as_json() | names
+def entry_json(
+    effect: Effect, channel: str, nats: float, confidence: float, share: float | None, found: Parameters,
+    equivalent: list[str], name_of: Callable[[int], str],
+) -> Json:  # fmt: skip
+    """Returns an effect's entry in a ranking. A choice of surfaces also lists its materials; an empty list means all.
+    found: the fitted parameters. name_of: returns a material's name."""
+
+    def told(p: Parameter) -> Json:
+        names = {"materials": [name_of(k) for k in material_numbers(found[p.name].value)]} if p.choice else {}
+        return vars(found[p.name]) | names
+
+    return {
+        "effect": effect.id,
+        "family": effect.family,
+        "finding": effect.finding,
+        "channel": channel,
+        "score_nats": nats,
+        "confidence": confidence,
+        "explained_share": share,
+        "parameters": {p.name: told(p) for p in effect.parameters},
+        "equivalent": equivalent,
+    }
 
 
 def parameters_of(outcome: Outcome, name: Name) -> Parameters:
@@ -43,20 +61,10 @@ def ranking_of(
     pixels, known = outcome.fitter.pixels_used(), _known(outcome, numbers)
 
     def add(effect: Effect, gain: float, nats: float, p: float, found: Parameters, same: list[str]) -> None:
-        if effect.id in entries:
-            return
-        entries[effect.id] = {
-            "effect": effect.id,
-            "family": effect.family,
-            "finding": effect.finding,
-            "channel": "noise" if effect.id in outcome.noise else "infrared",
-            "score_nats": nats,
-            "confidence": p,
-            "explained_share": _explained(outcome, gain),
-            "gain_reduced_chi2": gain,
-            "parameters": {q.name: parameter_json(q, found[q.name], name_of) for q in effect.parameters},
-            "equivalent": same,
-        }
+        if effect.id not in entries:
+            channel, share = "noise" if effect.id in outcome.noise else "infrared", _explained(outcome, gain)
+            entry = entry_json(effect, channel, nats, p, share, found, same, name_of)
+            entries[effect.id] = entry | {"gain_reduced_chi2": gain}
 
     for name in outcome.names:
         own = outcome.noise.get(name.id)

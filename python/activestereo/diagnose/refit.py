@@ -70,16 +70,13 @@ class _Rendered:
     change: _Images
     slopes: tuple[_Images, ...]
 
-    def emulated(self) -> Effect:
-        """Returns the effect with these images as its image function. Neutral amplitudes leave the light unchanged."""
-        return replace(self.effect, apply=self._apply)
-
     @computed_once
     def content(self) -> str:
         """Returns a hash of the images, for the key of a cached fit."""
         return content_key(self.theta, self.change, self.slopes)
 
-    def _apply(self, light: Light, view: View, **values: float) -> Light:
+    def apply(self, light: Light, view: View, **values: float) -> Light:
+        """Is the effect's image function. Neutral amplitudes leave the light unchanged."""
         given, key = np.array([values[p.name] for p in self.effect.parameters]), (view.frame.id, view.side)
         amplitudes = [v == p.neutral for p, v in zip(self.effect.parameters, given, strict=True) if p.neutral == 0.0]
         if all(amplitudes):
@@ -103,7 +100,7 @@ def fitted_to_renders(fitter: Fitter, start: Solution, rendering: Rendering) -> 
         return rendering(Model().with_effect(effect, **named), samples)
 
     def emulated(values: np.ndarray, here: _Images, slopes: Sequence[_Images]) -> Effect:
-        return _Rendered(effect, values.copy(), here, tuple(slopes)).emulated()
+        return replace(effect, apply=_Rendered(effect, values.copy(), here, tuple(slopes)).apply)
 
     def fitted(values: np.ndarray, here: _Images, slopes: Sequence[_Images], near: Solution) -> Solution:
         rendered = emulated(values, here, slopes)
@@ -169,16 +166,13 @@ class _Curve:
     nodes: NDArray[np.float64]
     added: NDArray[np.float64]
 
-    def bent(self) -> Effect:
-        """Returns the effect with the curve added. Neutral parameters leave the signal unchanged."""
-        return replace(self.effect, apply=self._apply)
-
     @computed_once
     def content(self) -> str:
         """Returns a hash of the curve, for the key of a cached fit."""
         return content_key(self.nodes, self.added)
 
-    def _apply(self, signal: NDArray[np.float64], view: View, **values: float) -> NDArray[np.float64]:
+    def apply(self, signal: NDArray[np.float64], view: View, **values: float) -> NDArray[np.float64]:
+        """Is the effect's image function. Neutral parameters leave the signal unchanged."""
         if values == self.effect.neutral_values:
             return signal
         value = self.effect.apply(signal, view, **values)
@@ -212,7 +206,7 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
     norm = np.sqrt(np.diag(gram) + prior)
     moment = (columns @ linear.residual - pull) / norm
     step = np.linalg.lstsq((gram + np.diag(prior)) / np.outer(norm, norm), moment, rcond=1e-9)[0] / norm
-    bent = _Curve(effect, nodes, np.append(0.0, step[-_NODES:])).bent()
+    bent = replace(effect, apply=_Curve(effect, nodes, np.append(0.0, step[-_NODES:])).apply)
     values = next(values for e, values in solution.model.effects if e is effect)
     space = ParameterSpace.of(solution.model.with_effect(bent, **values))
     return fitter.refine(space, space.start, solution.phi, _CURVE_STEPS)

@@ -14,12 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.capture.capture import SIDES
-from activestereo.diagnose.dictionary import Atom
+from activestereo.diagnose.dictionary import Atom, first_dictionary
+from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fitter import Solution
+from activestereo.diagnose.kept import FitCache
 from activestereo.diagnose.linear import Columns, Linear, Scores, score_alone, scores
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.pixels import SCALES
-from activestereo.effects import Effect, builtin
+from activestereo.effects import Effect, Model, builtin
+from activestereo.effects.core.descriptor import Channel
 from activestereo.effects.core.surfaces import SURFACES
 
 # A coefficient with less information than this stays 0.
@@ -29,6 +32,7 @@ _SHOWS = 0.05
 # Fits start at so many atoms with fitted coefficients, and at so many points of the dictionary with this part of the
 # best gain. Where a coefficient leads a narrow peak farther than this factor, the peak itself is a start, too.
 _LINES, _POINTS, _NEAR, _FAR = 2, 2, 0.3, 1.1
+_FIRST_NAMES = 3  # most effects that the first words name
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,19 @@ def candidates(atoms: Sequence[Atom], scores: Scores, pixels: int) -> dict[str, 
         )
     out = {name: _candidate(rows) for name, rows in hits.items() if max(row.gain for row in rows) > 0.0}
     return dict(sorted(out.items(), key=lambda item: -item[1].evidence))
+
+
+def first_words(
+    evidence: Evidence, model: Model, effects: Sequence[Effect], workers: int, numbers: Numbers, memory: FitCache
+) -> str:
+    """Returns a clause that names the likeliest effects before anything is fitted: by their scores at the stated poses.
+    memory: keeps the image changes, which the search scores again."""
+    if all(np.ptp(o.measured) == 0 for o in evidence.train):
+        return "the infrared images are blank"
+    images = [e for e in effects if e.channel is Channel.EXPECTED_IMAGE and not e.starts_late]
+    first = first_dictionary(evidence, model, images, numbers.prior_reach, workers, memory)
+    likely = list(candidates(first.atoms, scores(first.linear, first.columns), evidence.pixels))
+    return f"looks like {', '.join(likely[:_FIRST_NAMES])}" if likely else "no effect of images fits"
 
 
 def own_ranks(found: Mapping[str, Candidate], chi2: float) -> list[str]:

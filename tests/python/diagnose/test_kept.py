@@ -17,7 +17,7 @@ from activestereo.compare.render import render_frames
 from activestereo.diagnose import dictionary
 from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.first_words import first_words
+from activestereo.diagnose.selection import first_words
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.kept import FitCache, content_key, effect_content

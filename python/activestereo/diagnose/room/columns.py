@@ -41,7 +41,7 @@ _PERIODIC, _GHOST = "flicker_banding", "lens_ghost"
 _PANE_DEG = (-1.5, -0.75, 0.0, 0.75, 1.5)
 # Penalty in nats for a search: logarithm of an effect's number of alternatives.
 LOOKED = {_PERIODIC: float(np.log(len(_CYCLES))), _GHOST: 2.0 * float(np.log(len(_PANE_DEG)))}
-_TONE = "response_gamma"
+_TONE, BEND = "response_gamma", ".bend"  # the end of the name of a response's saturation column
 _SATURATION = 2.0  # a quadratic law would miss half of what a soft response does to bright rooms
 # Shares of a parameter's range at which an effect's size is looked up.
 _LADDER = np.geomspace(0.02, 1.0, 9)
@@ -183,12 +183,14 @@ def effects_of(room: Room, light: RoomLight, effects: Mapping[str, Effect]) -> l
             law = None if flow is not None else _difference(effect, p, value, views, light.black_dn)
             column = Column(f"{effect.id}.{p.name}", _REACH, judged, law, effect, p, value / share, _MOVED, flow)
             if effect.stage is not Stage.CAMERA:
-                differs = _differs(column.change, light.room[0])
+                # A change may differ more between the cameras of a view than their different positions explain.
+                left, right = (column.change(k, light.room[0]) for k in (0, 1))
+                differs = np.square(left - right).sum() > _APART * np.square(left).sum()
                 column = replace(column, bands=_OF_ONE_CAMERA if differs else _SCALED)
             out.append(column)
             if effect.id == _TONE:
                 bend = _bend(column.change, light, room.rig.max_dn)
-                out.append(replace(column, name=f"{effect.id}.bend", law=bend))
+                out.append(replace(column, name=f"{effect.id}{BEND}", law=bend))
     return out
 
 
@@ -221,12 +223,6 @@ def is_warp(effect: Effect) -> bool:
 def _share(effect: Effect) -> float:
     """Returns the finite-difference step of an effect's columns, as a share of the parameter's typical value."""
     return _STEP_OF_A_WARP if is_warp(effect) else 1.0
-
-
-def _differs(change: Change, image: Image) -> bool:
-    """Returns whether a change differs more between the cameras of a view than their different positions explain."""
-    left, right = (change(k, image) for k in (0, 1))
-    return bool(np.square(left - right).sum() > _APART * np.square(left).sum())
 
 
 def is_alike_in_views(effect: Effect) -> bool:

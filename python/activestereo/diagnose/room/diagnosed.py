@@ -18,7 +18,7 @@ from activestereo.capture.capture import Capture
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.room.bands import LEAST_GEOMETRY
 from activestereo.diagnose.room.beside import falloff, falloff_of
-from activestereo.diagnose.room.columns import is_alike_in_views, size_of
+from activestereo.diagnose.room.columns import BEND, is_alike_in_views, size_of
 from activestereo.diagnose.room.evidence import NEEDED, Found
 from activestereo.diagnose.room.names import Names, Seen, names_of
 from activestereo.diagnose.room.plan import plan_of, sizes
@@ -60,7 +60,9 @@ def diagnosed_room(
         for name, (value, deviation) in f.parameters.items():
             intervals[f.effect.id, name] = (value - Z90 * deviation, value + Z90 * deviation)
     added = [f.effect.id for f in found]
-    ranking = [*found, *told[len(possible) :], *_others(names)]
+    rest = [in_own_units(f, names.seen) for f in names.ranking if f.effect.id not in {n.effect.id for n in names.named}]
+    others = [replace(f, nats=max(f.nats, 0.0), finding="") for f in rest]
+    ranking = [*found, *told[len(possible) :], *others]
     ranked = {*(f.effect.id for f in ranking), *(e.id for e, _ in given.effects), _FALLOFF}
     by_view = _unseen(names.seen, given, accepted)
     shown = max(by_view, key=lambda pair: pair[0].rmse_dn ** 2 - pair[1].rmse_dn ** 2, default=None)
@@ -198,7 +200,7 @@ def in_own_units(found: Found, seen: Seen) -> Found:
         out = {"offset_dn": max(found.parameters.values(), key=lambda told: abs(told[0]))}
     else:
         for name, (value, deviation) in found.parameters.items():
-            if name.endswith(".bend"):
+            if name.endswith(BEND):
                 continue  # the effect has no parameter for it
             slope = 1.0
             if name in columns and not found.finding:
@@ -214,13 +216,6 @@ def _beyond(found: Found) -> str:
         if not p.low - Z90 * deviation <= value <= p.high + Z90 * deviation:
             return f"{found.effect.id} would need {p.name} {value:.3g}, where {p.low:g} to {p.high:g} is possible"
     return ""
-
-
-def _others(names: Names) -> list[Found]:
-    """Returns the effects that were not named, likeliest first."""
-    named = {f.effect.id for f in names.named}
-    rest = [in_own_units(f, names.seen) for f in names.ranking if f.effect.id not in named]
-    return [replace(f, nats=max(f.nats, 0.0), finding="") for f in rest]
 
 
 def _entry(found: Found) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from activestereo.diagnose.room.cells_out import Normal
-from activestereo.diagnose.room.columns import LOOKED, Column
+from activestereo.diagnose.room.columns import BEND, LOOKED, Column
 from activestereo.diagnose.room.sessions import ALIKE, FEW, FREEDOM
 from activestereo.effects import Effect
 
@@ -108,7 +108,7 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
         M = S @ H @ np.linalg.inv(H @ S @ H + V)
         value, deviation = M @ s, np.sqrt(np.maximum(np.diag(S - M @ H @ S), 0.0))
         ways = _ways(room.columns, own)
-        if any(value[j] < 0.0 for j in own if _is_bend(room.columns[j])):
+        if any(value[j] < 0.0 for j in own if names[j].endswith(BEND)):
             ways = ways[:-1]  # no camera responds more and more to brighter light
         each = [null + (H * _prior(room.columns, way)) @ H for way in ways]
         nats = np.logaddexp.reduce([_log_normal(s, more) for more in each]) - at_null - cost - np.log(len(ways))
@@ -134,15 +134,11 @@ def judged(room: Reduced, spread: Mapping[str, float]) -> list[Found]:
 
 def _ways(columns: Sequence[Column], own: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Returns the ways in which an effect may show, each as indices of columns: each parameter's alone, without its
-    saturation column (_is_bend()), then all columns together."""
+    saturation column (BEND), then all columns together."""
     parameters = dict.fromkeys(columns[j].parameter for j in own)
-    alone = [np.array([j for j in own if columns[j].parameter == p and not _is_bend(columns[j])]) for p in parameters]
+    linear = [j for j in own if not columns[j].name.endswith(BEND)]
+    alone = [np.array([j for j in linear if columns[j].parameter == p]) for p in parameters]
     return alone if len(alone[0]) == len(own) else [*alone, own]
-
-
-def _is_bend(column: Column) -> bool:
-    """Returns whether a column is the saturation column of a response effect."""
-    return column.name.endswith(".bend")
 
 
 def _prior(columns: Sequence[Column], own: NDArray[np.int64]) -> Matrix:
