@@ -20,6 +20,7 @@ from activestereo.capture.capture_json import CaptureError, JsonObject
 from activestereo.capture.images import block_means, image_size, read_color, read_gray
 from activestereo.common import limits
 from activestereo.common.computed_once import computed_once
+from activestereo.common.grouped import grouped
 from activestereo.common.input_files import read_json_object
 from activestereo.common.lens import is_distorting
 from activestereo.common.output_files import flat
@@ -262,12 +263,9 @@ class Capture:
 
     def repeats(self, split: str | None = None) -> list[list[Frame]]:
         """Returns the frames of each of repeat_keys() that two frames or more of the split have; None: of any split."""
-        groups: dict[object, list[Frame]] = {}
         keys = repeat_keys(self.frames)
-        for frame in self.frames:
-            if frame.id in keys and split in (None, frame.split):
-                groups.setdefault(keys[frame.id], []).append(frame)
-        return [frames for frames in groups.values() if len(frames) > 1]
+        groups = grouped((keys[f.id], f) for f in self.frames if f.id in keys and split in (None, f.split))
+        return [frames for frames in groups if len(frames) > 1]
 
 
 def repeat_keys(frames: Iterable[Frame]) -> dict[int, tuple[int, float, float]]:

@@ -48,6 +48,12 @@ def block_means(image: np.ndarray, size: int) -> np.ndarray:
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
+def block_numbers(shape: tuple[int, ...], size: int) -> np.ndarray:
+    """Returns the number of each pixel's block of size x size pixels, [height, width], counted row by row."""
+    rows, columns = (np.arange(length) // size for length in shape)
+    return np.asarray(rows[:, None] * (columns[-1] + 1) + columns)
+
+
 def read_color(path: str | Path, expected_size: tuple[int, int] | None = None, key: str = "image") -> np.ndarray:
     """Reads a colour image as stored, uint8 [height, width, 3]; a gray image gets three equal channels. Raises
     CaptureError if its (width, height) is not expected_size."""

@@ -120,7 +120,7 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     # The shape of the train frames' error.
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
     floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
-    shape = error_shape((measured[key], predictions[key], floor[key], views[key].known) for key in keys)
+    shape = error_shape((measured[key], predictions[key], floor[key], views[key].known_mask) for key in keys)
     beside = None
     if without is not None:  # {"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}
         own = without.measured, without.predictions, without.views, without.noise_model, without.model
@@ -164,9 +164,8 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
                 variance, own = noise_model.variance(expected, frame.gain), errors.noise_variances[key][0]
                 mean = variance.mean()
                 floor = variance * (own / mean) if mean > 0 else np.full(expected.shape, own)
-            known = np.ones(expected.shape, bool) if view.known is None else view.known
-            residual = errors.measured[key] - expected
-            images["infrared"].append(ResidualImage(residual, floor, known, maps[key], _pose(frame, side)))
+            residual, pose = errors.measured[key] - expected, _pose(frame, side)
+            images["infrared"].append(ResidualImage(residual, floor, view.known_mask, maps[key], pose))
     for d in (d for d in depths if d.frame.split == "train"):
         here = maps[d.frame.id, "left"], _pose(d.frame, "left")
         # Device minus model, and the squared difference of two exposures of the model.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame
+from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame, ImageKey
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
 from activestereo.common.parameter import MATCHER
@@ -124,8 +124,8 @@ class DepthFrame:
 
 
 def model_depths(
-    capture: Capture, measured: Mapping[tuple[int, str], np.ndarray], predictions: Mapping[tuple[int, str], np.ndarray],
-    views: Mapping[tuple[int, str], View], noise_model: NoiseModel | None, model: Model, seed: int = 0,
+    capture: Capture, measured: Mapping[ImageKey, np.ndarray], predictions: Mapping[ImageKey, np.ndarray],
+    views: Mapping[ImageKey, View], noise_model: NoiseModel | None, model: Model, seed: int = 0,
     split: str | None = None,
 ) -> list[DepthFrame]:  # fmt: skip
     """Computes a DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN},

@@ -44,13 +44,12 @@ class ErrorShape:
     amount: float
 
 
-def error_shape(images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_] | None]]) -> ErrorShape | None:
-    """Finds the ErrorShape of images: (measured DN, expected DN, noise variance in DN², mask of the known scene or
-    None), [height][width]. Returns None if the error does not exceed noise."""
+def error_shape(images: Iterable[tuple[NDArray, NDArray, float, NDArray[np.bool_]]]) -> ErrorShape | None:
+    """Finds the ErrorShape of images: (measured DN, expected DN, noise variance in DN², mask of the known scene),
+    [height][width]. Returns None if the error does not exceed noise."""
     sums = {kind: [0.0, 0.0, 0.0] for kind in ("brightness", "dots", "sharpness", "place")}
     beyond = 0.0
-    for measured, expected, floor, known in images:
-        mask = np.ones(measured.shape, bool) if known is None else known
+    for measured, expected, floor, mask in images:
         residual = np.where(mask, measured - expected, 0.0)
         smooth = _smoothed(residual, mask)
         detail = expected - _smoothed(np.where(mask, expected, 0.0), mask)
@@ -227,13 +226,15 @@ def _errors(
 ) -> ImageErrors:  # fmt: skip
     """Computes one model's ImageErrors. sent: of each half of the samples, the projector's light on the imager and the
     ambient light, [2][2][height][width]."""
-    measured = {(frame.id, side): capture.ir(frame, side) for frame in capture.frames for side in SIDES}
+    images = [
+        MeasuredImage(f, side, views[f.id, side], layers[f.id][side], capture.ir(f, side))
+        for f in capture.frames
+        for side in SIDES
+    ]
+    measured = {image.key: image.measured for image in images}
     # Pixels whose scene is unknown have no expected value, so they count nowhere.
-    counted = {
-        key: measured[key] if view.known is None else np.where(view.known, measured[key], np.float32(np.nan))
-        for key, view in views.items()
-    }
-    means = {key: _light(images.mean(axis=0)) for key, images in sent.items()}
+    counted = {image.key: image.where_known() for image in images}
+    means = {key: _light(both.mean(axis=0)) for key, both in sent.items()}
     fit, seen = fit_with_exposures(capture, model, means, views, counted)
     predictions, squares, sums = {}, {}, {}  # sums over each image's pixels, to be pooled over cameras and frames
     for key, image in counted.items():
@@ -248,11 +249,6 @@ def _errors(
             "sum": float(residual.sum()),
             "pixels": residual.size,
         }
-    images = [
-        MeasuredImage(frame, side, views[frame.id, side], layers[frame.id][side], measured[frame.id, side])
-        for frame in capture.frames
-        for side in SIDES
-    ]
     noise_variances, noise_model = noise_of_images(capture, images, predictions, fit.nuisances.black_dn)
     for key, of_image in sums.items():
         of_image["floor_variance"], of_image["floor_source"] = noise_variances.get(key, (None, None))

@@ -160,7 +160,7 @@ def _all_noise(variance: float | np.ndarray, step_dn: float) -> np.ndarray:
 
 
 def repeat_statistics(
-    capture: Capture, split: str | None = None, drift: Mapping[tuple[int, str], np.ndarray] | None = None
+    capture: Capture, split: str | None = None, drift: Mapping[ImageKey, np.ndarray] | None = None
 ) -> list[Repeats]:
     """Computes the pixelwise mean and unbiased variance of every repeat group and camera: [(frames, camera, mean,
     variance)], DN; NaN where the scene is unknown.
@@ -250,8 +250,8 @@ def transfer_rows(entry: Repeats, max_dn: float, step_dn: float = 1.0) -> list[t
 
 
 def frame_noise_variances(
-    capture: Capture, black_dn: float, no_noise: Mapping[tuple[int, str], np.ndarray] | None = None
-) -> tuple[dict[tuple[int, str], tuple[float, str]], NoiseModel | None]:
+    capture: Capture, black_dn: float, no_noise: Mapping[ImageKey, np.ndarray] | None = None
+) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
     """Returns ({(frame id, side): (variance in DN^2, "repeats" or "noise model")}, noise model); without any repeats
     ({}, None).
 
@@ -266,7 +266,7 @@ def frame_noise_variances(
     noise_model = fit_noise_model(train or statistics, black_dn, capture.rig.max_dn, step_dn)
     if noise_model is None:
         return {}, None
-    noise_variances: dict[tuple[int, str], tuple[float, str]] = {}
+    noise_variances: dict[ImageKey, tuple[float, str]] = {}
     for frames, side, _, variance in statistics:
         own = float(_all_noise(np.nanmean(variance), step_dn)), "repeats"
         noise_variances |= dict.fromkeys(((frame.id, side) for frame in frames), own)
@@ -320,8 +320,7 @@ def _slope(
         signal = np.maximum(mean - noise_model.black_dn, 0.0)
         known = noise_model.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
-        if (scene := o.view.known) is not None:
-            alike &= scene[:, 1:] & scene[:, :-1]
+        alike &= o.view.known_mask[:, 1:] & o.view.known_mask[:, :-1]
         pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
         lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, ROUNDING_VARIANCE) ** 2
         top += (weight * lever * (pair - known))[alike].sum()
@@ -361,9 +360,7 @@ def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float,
     interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
     one_side = rest**2 / (kept * (1.0 + interpolated))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
-    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.view.max_dn - 1)
-    if left.view.known is not None:
-        usable &= left.view.known
+    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.view.max_dn - 1) & left.view.known_mask
     level = gaussian_filter(image, 1.0)
     if usable.sum() < _LEAST_PIXELS:
         return []

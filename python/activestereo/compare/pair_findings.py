@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from activestereo.capture.images import block_numbers
 from activestereo.compare.where import BlockBootstrap, interval
 
 _BLOCK_PX = 48
@@ -130,9 +131,8 @@ class Blocks:
     first row are 1: it is the image itself."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
-        rows, columns = np.arange(shape[0]) // _BLOCK_PX, np.arange(shape[1]) // _BLOCK_PX
-        self._index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
-        self._count = int(self._index.max()) + 1
+        self._index = block_numbers(shape, _BLOCK_PX).ravel()
+        self._count = int(self._index[-1]) + 1
         drawn = BlockBootstrap(self._count, _SEED, _DRAWS).weights
         # A draw of few blocks may hold none of them.
         self._weights = np.vstack([np.ones(self._count), drawn[drawn.any(axis=1)]])

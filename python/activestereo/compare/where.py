@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from activestereo.capture.images import block_numbers
 from activestereo.effects.core.dots import DotView
 from activestereo.effects.core.view import View
 
@@ -245,12 +246,11 @@ def gather_samples(images: Sequence[ResidualImage], unit: str, seed: int) -> Sam
     # Blocks get random groups; repeats of one pose and camera share them.
     first, firsts, parts = 0, {}, []
     for image, kept in zip(images, keep, strict=True):
-        rows, columns = (np.arange(n) // BLOCK_PX for n in kept.shape)
-        across = columns[-1] + 1
+        block = block_numbers(kept.shape, BLOCK_PX)
         if image.pose not in firsts:
             firsts[image.pose] = first
-            first += (rows[-1] + 1) * across
-        parts.append((firsts[image.pose] + rows[:, None] * across + columns)[kept])
+            first += int(block[-1, -1]) + 1
+        parts.append((firsts[image.pose] + block)[kept])
     group = (rng.permutation(first) % GROUPS)[np.concatenate(parts)]
     return Samples(unit, residual, residual**2 - floor, floor, group, bins)
 

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from activestereo.capture.capture import Capture
+from activestereo.capture.images import block_numbers
 from activestereo.common.computed_once import computed_once
 from activestereo.compare.depth_compare import model_depths
 from activestereo.compare.image_errors import ImageErrors
@@ -337,8 +338,7 @@ def _tile_sums(squares: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tu
     """Returns (sum of squares, count of valid pixels) of every tile with a valid pixel."""
     squares_of, pixels_of = [], []
     for s, ok in zip(squares, valid, strict=True):
-        rows, columns = np.arange(s.shape[0]) // TILE_PX, np.arange(s.shape[1]) // TILE_PX
-        index = (rows[:, None] * (columns[-1] + 1) + columns[None]).ravel()
+        index = block_numbers(s.shape, TILE_PX).ravel()
         squares_of.append(np.bincount(index, s.ravel()))
         pixels_of.append(np.bincount(index, ok.ravel()))
     sums, counts = np.concatenate(squares_of), np.concatenate(pixels_of)

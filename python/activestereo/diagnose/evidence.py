@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from activestereo.capture.capture import SIDES, Capture
+from activestereo.capture.capture import SIDES, Capture, ImageKey
 from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import NoiseModel, by_repeats
@@ -67,7 +67,7 @@ def _texture_edges(room: np.ndarray) -> np.ndarray:
 
 
 def edge_discrepancy(
-    observations: Sequence[MeasuredImage], images: dict[tuple[int, str], np.ndarray], noise_model: NoiseModel
+    observations: Sequence[MeasuredImage], images: dict[ImageKey, np.ndarray], noise_model: NoiseModel
 ) -> float:
     """Returns the standard deviation of edge positions in metres, limited to _LARGEST_EDGE_DISCREPANCY_M. It follows
     from the error beyond noise at edges of static frames; 0 if there is none."""
@@ -75,7 +75,7 @@ def edge_discrepancy(
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:
             slope = edge_slopes(o, images[o.key])
-            edge = slope > 0 if o.view.known is None else (slope > 0) & o.view.known
+            edge = (slope > 0) & o.view.known_mask
             variance = noise_model.variance(images[o.key], o.frame.gain)
             excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
             slopes += (slope[edge].astype(np.float64) ** 2).sum()
@@ -140,7 +140,7 @@ class Evidence:
     test: tuple[Observation, ...]
     nuisances: Nuisances
     noise_model: NoiseModel
-    noise_variances: dict[tuple[int, str], float]
+    noise_variances: dict[ImageKey, float]
     has_floor: bool
     materials: int
     tiles: int
@@ -187,8 +187,7 @@ def weight_of(
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if edge_discrepancy_m > 0:
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
-    known = observation.view.known
-    return (1.0 / variance).astype(np.float32) * (np.float32(1.0) if known is None else known)
+    return (1.0 / variance).astype(np.float32) * observation.view.known_mask
 
 
 def one_of_each_situation(

@@ -44,27 +44,17 @@ class ErrorsOfModels:
         there = calibrated(self.capture, model)
         return self if _stand_alike(there, self.capture) else replace(self, stands=there)
 
-    def given(self, model: Model | SensorModel | None) -> ImageErrors:
-        """Returns the errors of the model that a diagnosis starts from; None = the base model. A Model is judged at the
-        capture's stated geometry, a SensorModel at its own calibration."""
-        capture = calibrated(self.capture, model) if isinstance(model, SensorModel) else self.capture
-        return self._under(capture, [model], part_of(self.progress, 0.0, _GIVEN_SHARE))[0]
-
-    def standing(self, models: Sequence[Model | SensorModel | None], done: float) -> list[ImageErrors]:
-        """Returns the errors of models at the estimated geometry; None = the base model. done: the share of the
-        progress that was told before."""
-        return self._under(self.stands or self.capture, models, part_of(self.progress, done, 1.0))
-
-    def _under(
-        self, capture: Capture, models: Sequence[Model | SensorModel | None], progress: Progress | None
+    def under(
+        self, capture: Capture, models: Sequence[Model | SensorModel | None], first: float, last: float
     ) -> list[ImageErrors]:
+        """Returns the errors of models on a capture; None = the base model. first, last: shares of the progress."""
         names, judged = surface_names(capture.scene_path), []
         for model in models:
             if isinstance(model, SensorModel):
                 judged.append(Judged(model.bound(names), self.engines, model.scene_measurement(names)))
             else:
                 judged.append(Judged(Model()) if model is None else Judged(model, self.engines))
-        return image_errors(capture, judged, self.renders, progress)
+        return image_errors(capture, judged, self.renders, part_of(self.progress, first, last))
 
 
 def _stand_alike(a: Capture, b: Capture) -> bool:
@@ -99,9 +89,13 @@ def held_out_figures(
     no frames. errors: with the geometry of the written model. written: the contents of model.json. added: the effects
     that it has beyond the given model.
     """
-    before = None if errors.stands is None and not isinstance(given, SensorModel) else errors.given(given)
-    models, done = [written, given, None][: 2 + (given is not None)], 0.0 if before is None else _GIVEN_SHARE
-    after, standing, *plain = errors.standing(models, done)
+    before, done = None, 0.0
+    if errors.stands is not None or isinstance(given, SensorModel):
+        # A Model is judged at the capture's stated geometry, a SensorModel at its own calibration.
+        own = calibrated(errors.capture, given) if isinstance(given, SensorModel) else errors.capture
+        [before], done = errors.under(own, [given], 0.0, _GIVEN_SHARE), _GIVEN_SHARE
+    models = [written, given, None][: 2 + (given is not None)]
+    after, standing, *plain = errors.under(errors.stands or errors.capture, models, done, 1.0)
     before = before or standing
     floors = {split: e["noise_floor_dn"] for split, e in after.by_split().items()}
 

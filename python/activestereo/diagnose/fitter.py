@@ -265,7 +265,7 @@ class Fitter:
         sums = Sums(np.zeros((size, size)), np.zeros(size), np.zeros(self._tiles))
         has_blocks = self._supersampled and n_theta > 0
         for pixels, columns, residual in self.pixel_slopes(space, theta, phi, lights, n_theta):
-            sums.add(pixels, columns, residual, n_theta, phi, has_blocks)
+            sums.add(pixels, columns, residual, phi, has_blocks)
         return sums
 
     def pixel_slopes(

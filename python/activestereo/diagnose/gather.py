@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, SPLITS, Capture, repeat_keys
+from activestereo.capture.capture import SIDES, SPLITS, Capture, ImageKey, repeat_keys
+from activestereo.capture.images import block_numbers
 from activestereo.common.grouped import grouped
 from activestereo.common.input_files import read_json
 from activestereo.common.rounding import ROUNDING_VARIANCE
@@ -39,7 +40,6 @@ _ASSUMED_NOISE = (1.0, 0.0, 1.0 / 60.0)
 _SMALLEST_MATERIAL = 0.002
 # At most this share of an expected value is taken from the measurement itself.
 _MOST_MEASURED = 0.5
-NoiseVariances = dict[tuple[int, str], float]
 
 
 def gather(capture: Capture, layers: LayersOfFrames, seed: int = 0, geometry: Geometry | None = None) -> Evidence:
@@ -91,14 +91,14 @@ def _measured_images(capture: Capture, layers: LayersOfFrames, seed: int) -> lis
     ]
 
 
-def _predicted(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[tuple[int, str], np.ndarray]:
+def _predicted(images: Sequence[MeasuredImage], nuisances: Nuisances) -> dict[ImageKey, np.ndarray]:
     return {s.key: predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in images}
 
 
 def _observed(
     evidence: Evidence,
     images: Sequence[MeasuredImage],
-    tiles: Mapping[tuple[int, str], np.ndarray],
+    tiles: Mapping[ImageKey, np.ndarray],
     train: Sequence[MeasuredImage],
 ) -> tuple[tuple[Observation, ...], int]:
     """Returns (observations of images with weights, slopes and materials; number of albedo nuisances). tiles: each
@@ -118,7 +118,7 @@ def _observed(
         known = surface < len(material_of)
         return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
-    seen_by_train = [material(s).ravel() if s.view.known is None else material(s)[s.view.known] for s in train]
+    seen_by_train = [material(s)[s.view.known_mask] for s in train]
     ids, counts = np.unique(np.concatenate(seen_by_train), return_counts=True)
     least = _SMALLEST_MATERIAL * counts.sum()
     materials = [ids[i] for i in np.argsort(-counts) if counts[i] > least][1:]
@@ -147,8 +147,8 @@ def _observed(
 
 
 def _expected(
-    measured_images: Sequence[MeasuredImage], noise_variances: NoiseVariances, nuisances: Nuisances
-) -> dict[tuple[int, str], np.ndarray]:
+    measured_images: Sequence[MeasuredImage], noise_variances: Mapping[ImageKey, float], nuisances: Nuisances
+) -> dict[ImageKey, np.ndarray]:
     """Returns the expected values in DN from which weights are computed. They are the model's prediction, mixed with
     the mean of repeated images. The mean's share grows with the error of the prediction, up to half.
 
@@ -156,7 +156,7 @@ def _expected(
     Therefore a prediction that is as good as the noise allows is used alone.
     """
     keys = repeat_keys(s.frame for s in measured_images)
-    expected: dict[tuple[int, str], np.ndarray] = {}
+    expected: dict[ImageKey, np.ndarray] = {}
     for group in grouped(((keys.get(s.frame.id, s.frame.id), s.side), s) for s in measured_images):
         images = [predict(s.frame, s.layers, nuisances, s.view.max_dn) for s in group]
         mean = np.mean([s.measured for s in group], axis=0)
@@ -167,16 +167,14 @@ def _expected(
     return expected
 
 
-def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[tuple[int, str], np.ndarray], int]:
+def _tiles(train: Sequence[MeasuredImage]) -> tuple[dict[ImageKey, np.ndarray], int]:
     """Numbers the tiles of all train images; returns ({image key: each pixel's tile}, number of tiles)."""
     first, out = 0, {}
     for s in train:
-        height, width = s.measured.shape
-        rows, columns = np.arange(height) // TILE_PX, np.arange(width) // TILE_PX
-        across = columns[-1] + 1
-        out[s.key] = (first + rows[:, None] * across + columns[None]).astype(np.int32)
-        first += (rows[-1] + 1) * across
-    return out, int(first)
+        tile = block_numbers(s.measured.shape, TILE_PX)
+        out[s.key] = (first + tile).astype(np.int32)
+        first += int(tile[-1, -1]) + 1
+    return out, first
 
 
 def weighed_again(evidence: Evidence, model: Model, black_dn: float, rows: Sequence[ImageResidual]) -> Evidence:

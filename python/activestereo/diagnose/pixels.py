@@ -271,21 +271,14 @@ class Sums:
         return float(self.tile_chi2.sum())
 
     def add(
-        self,
-        pixels: Pixels,
-        columns: list[np.ndarray],
-        residual: np.ndarray,
-        n_theta: int,
-        phi: np.ndarray,
-        has_blocks: bool,
+        self, pixels: Pixels, columns: list[np.ndarray], residual: np.ndarray, phi: np.ndarray, has_blocks: bool
     ) -> None:
         """Adds one observation; its moments by block only with has_blocks.
 
         columns: derivatives [k][n] by all parameters except albedos and geometry. An albedo's derivative is the light
-        that the material sends. It is computed from the columns of projector and ambient scale (n_theta and the next)
-        times their scales.
+        that the material sends. It is computed from the columns of projector and ambient scale times their scales.
         """
-        dense, materials = len(columns), pixels.materials
+        dense, n_theta, materials = len(columns), len(columns) - DENSE, pixels.materials
         own = dense - len(SIDES) + pixels.observation.geometry_places  # the twelve numbers that move the observation
         A, r = np.stack(columns), residual * pixels.root_weight
         A *= pixels.root_weight

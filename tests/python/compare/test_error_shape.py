@@ -41,7 +41,7 @@ def _weaker(image):
 def test_each_error_has_the_shape_that_was_made(kind, sign, change):
     expected, rng = _dots(), np.random.default_rng(1)
     measured = change(expected) + rng.normal(0.0, NOISE_DN, expected.shape)
-    shape = error_shape([(measured, expected, NOISE_DN**2, None)])
+    shape = error_shape([(measured, expected, NOISE_DN**2, np.ones(measured.shape, bool))])
     assert shape.kind == kind and np.sign(shape.amount) == sign and shape.share > 0.5
     if kind == "place":
         assert shape.amount == pytest.approx(np.hypot(0.1, 0.25), rel=0.3)  # dots of 1.2 px: differences are too flat
@@ -56,7 +56,7 @@ def test_noise_alone_has_no_shape_and_unknown_pixels_count_nowhere():
     measured = expected + rng.normal(0.0, NOISE_DN, expected.shape)
     wrong = np.where(np.arange(WIDTH) < 100, measured + 50.0, measured)
     known = np.broadcast_to(np.arange(WIDTH) >= 100, expected.shape)
-    for image, mask in ((measured, None), (wrong, known)):
+    for image, mask in ((measured, np.ones_like(known)), (wrong, known)):
         shape = error_shape([(image, expected, NOISE_DN**2, mask)])
         assert shape is None or shape.kind == "other"
 

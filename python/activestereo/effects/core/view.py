@@ -146,6 +146,11 @@ class View(Remembering):
         return height, width
 
     @property
+    def known_mask(self) -> np.ndarray:
+        """Returns `known` as a mask, also where it is None."""
+        return np.ones(self.shape, dtype=bool) if self.known is None else self.known
+
+    @property
     def is_right(self) -> bool:
         return self.side == "right"
 
