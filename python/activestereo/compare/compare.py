@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import SIDES, Capture, Frame, read_capture, usual_samples
+from activestereo.capture.capture import SIDES, Capture, read_capture, usual_samples
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
@@ -116,15 +116,14 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     views, measured, predictions = errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model
     match = match_of(errors)
-    depths = model_depths(capture, measured, predictions, views, noise_model, model, seed)
+    depths = model_depths(capture, errors, model, seed)
     # The shape of the train frames' error.
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
     floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
     shape = error_shape((measured[key], predictions[key], floor[key], views[key].known_mask) for key in keys)
     beside = None
     if without is not None:  # {"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}
-        own = without.measured, without.predictions, without.views, without.noise_model, without.model
-        scores_without = depth_scores(model_depths(capture, *own, seed))
+        scores_without = depth_scores(model_depths(capture, without, without.model, seed))
         beside = {
             "ir": {split: found["rmse_dn"] for split, found in without.by_split().items()},
             "depth": {split: found["rmse_px"] for split, found in scores_without.items()},
@@ -164,10 +163,10 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
                 variance, own = noise_model.variance(expected, frame.gain), errors.noise_variances[key][0]
                 mean = variance.mean()
                 floor = variance * (own / mean) if mean > 0 else np.full(expected.shape, own)
-            residual, pose = errors.measured[key] - expected, _pose(frame, side)
+            residual, pose = errors.measured[key] - expected, side.encode() + frame.camera_to_world.tobytes()
             images["infrared"].append(ResidualImage(residual, floor, view.known_mask, maps[key], pose))
     for d in (d for d in depths if d.frame.split == "train"):
-        here = maps[d.frame.id, "left"], _pose(d.frame, "left")
+        here = maps[d.frame.id, "left"], b"left" + d.frame.camera_to_world.tobytes()
         # Device minus model, and the squared difference of two exposures of the model.
         error, valid = d.disparity_error(d.measured, d.model[0])
         repeat, again = d.disparity_error(d.model[0], d.model[1])
@@ -184,8 +183,3 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
         rmse, noise = (float(np.sqrt(x.mean())) for x in (samples.residual**2, samples.floor))
         sizes[name] = {"is_explainable": samples.is_explainable, "rmse": rmse, "noise_floor": noise}
     return {"where": where_tables(channels, seed, surface_text(capture.scene_path)), "channels": sizes}
-
-
-def _pose(frame: Frame, side: str) -> bytes:
-    """Returns bytes that are equal for images from the same camera and pose, whose static errors are the same."""
-    return side.encode() + np.ascontiguousarray(frame.camera_to_world, dtype=np.float64).tobytes()

@@ -10,21 +10,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame, ImageKey
+from activestereo.capture.capture import DEPTH_ENGINE, SIDES, SPLITS, Capture, CaptureWarning, Frame
 from activestereo.capture.capture_json import CaptureError
 from activestereo.common.lens import lens_fields
 from activestereo.common.parameter import MATCHER
 from activestereo.common.rounding import ROUNDING_VARIANCE
+from activestereo.compare.image_errors import ImageErrors
 from activestereo.compare.noise import NoiseModel, by_repeats
-
-if TYPE_CHECKING:
-    from activestereo.effects.core.model import Model
-    from activestereo.effects.core.view import View
-
+from activestereo.effects.core.model import Model
 
 # Farther than the engine's default, because a device's 16 bits of depth in millimetres reach this far.
 _DEFAULT_MAX_DEPTH_M = 65.0
@@ -124,16 +121,11 @@ class DepthFrame:
 
 
 def model_depths(
-    capture: Capture, measured: Mapping[ImageKey, np.ndarray], predictions: Mapping[ImageKey, np.ndarray],
-    views: Mapping[ImageKey, View], noise_model: NoiseModel | None, model: Model, seed: int = 0,
-    split: str | None = None,
-) -> list[DepthFrame]:  # fmt: skip
-    """Computes a DepthFrame for each frame that has the device's depth. measured, predictions: {(frame id, side): DN},
-    measured and expected images; views: {(frame id, side): View}.
-
-    noise_model: the noise of the images that are matched; None: estimated from the residuals. model: its effects on
-    disparity and depth change simsense's depth. split: only frames of this split; None: all.
-    """
+    capture: Capture, errors: ImageErrors, model: Model, seed: int = 0, split: str | None = None
+) -> list[DepthFrame]:
+    """Computes a DepthFrame for each frame that has the device's depth. errors: of the images that are matched; without
+    a noise model their noise is estimated from the residuals. model: its effects on disparity and depth change
+    simsense's depth. split: only frames of this split; None: all."""
     frames = [frame for frame in capture.frames if frame.depth_path is not None and split in (None, frame.split)]
     if not frames:
         return []
@@ -141,16 +133,16 @@ def model_depths(
     focal_baseline = float(capture.rig.left.K[0, 0]) * capture.rig.baseline_m
     out = []
     for frame in frames:
-        view, draws = views[frame.id, "left"], []
+        view, draws = errors.views[frame.id, "left"], []
         device = capture.depth(frame)
         assert device is not None  # it has a depth_path
-        expected = {side: predictions[frame.id, side].astype(np.float64) for side in SIDES}
+        expected = {side: errors.predictions[frame.id, side].astype(np.float64) for side in SIDES}
         noise = {}
         for side, image in expected.items():
             # Without repeats the noise variance comes from the residual's median absolute deviation, as if normal.
-            rest = measured[frame.id, side] - image
+            rest = errors.measured[frame.id, side] - image
             deviation = _MAD_TO_SIGMA * np.median(np.abs(rest - np.median(rest)))
-            noise[side] = noise_model or NoiseModel(float(deviation**2), 0.0, 0.0, 0.0)
+            noise[side] = errors.noise_model or NoiseModel(float(deviation**2), 0.0, 0.0, 0.0)
         for draw in range(2):
             keys = {side: [seed, 4 * frame.id + 2 * draw + index] for index, side in enumerate(SIDES)}
             rngs = {side: np.random.Generator(np.random.Philox(key=key)) for side, key in keys.items()}

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,19 +24,14 @@ from activestereo.common.pose import look_at
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import SETTLING_FRAMES, DepthModel, expose
 from activestereo.compare.noise import NoiseModel
-from activestereo.compare.render import WARP_SCALE, render_frames
+from activestereo.compare.render import WARP_SCALE, Renderer, render_frames
 from activestereo.effects.core.descriptor import Effect, Randomness, Stage
 from activestereo.effects.core.model import Model, Nuisances, inverse_depth
 from activestereo.effects.core.surfaces import SURFACES
-from activestereo.effects.core.view import View, random_stream
+from activestereo.effects.core.view import Layers, View, random_stream
 from activestereo.effects.engines.capture_renderer import CaptureRenderer
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
-
-if TYPE_CHECKING:
-    from activestereo.compare.render import Renderer
-    from activestereo.effects.core.view import Layers
-
 
 _SIZE, _FOCAL_PX = (160, 90), 80.0
 _SAMPLES, _BOUNCES, _SEEDS = 64, 2, (0, 1)

@@ -13,16 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from activestereo.capture.capture import SIDES, Capture, CaptureError, Frame, ImageKey
 from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.effects.core.model import Nuisances, scales
-
-if TYPE_CHECKING:
-    from activestereo.effects.core.view import View
+from activestereo.effects.core.view import View
 
 # Pixels predicted nearer to the range's ends than this many residual deviations are left out, as clipping biases them.
 _CLIP_MARGIN_SIGMA = 4.0

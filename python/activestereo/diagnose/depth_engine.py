@@ -93,7 +93,6 @@ def judged_depth(
     effects: Sequence[Effect],
     seed: int,
     numbers: Numbers,
-    workers: int,
     memory: FitCache | None = None,
 ) -> Depth:
     """Fits effects on disparity and depth to the device's depth in train frames, and decides which are named. While a
@@ -109,7 +108,7 @@ def judged_depth(
     chance = np.log(len(faults) / numbers.alpha)
     while waiting:
         if memory is not None:
-            memory.make_ahead(judge.fit, waiting, workers)
+            memory.make_ahead(judge.fit, waiting)
         now = [judge.fit(e) for e in waiting]
         found |= {f.effect.id: f for f in now}
         best = max(now, key=lambda f: f.nats)
@@ -173,8 +172,7 @@ class _DepthFrame:
 
 
 def _frames(capture: Capture, errors: ImageErrors, model: Model, seed: int) -> Iterator[_DepthFrame]:
-    images = errors.measured, errors.predictions, errors.views, errors.noise_model
-    for d in model_depths(capture, *images, model, seed, "train"):
+    for d in model_depths(capture, errors, model, seed, "train"):
         device, valid = d.disparity_error(d.measured, d.truth)
         engine = []
         for depth in d.model:

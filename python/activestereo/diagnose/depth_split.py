@@ -19,6 +19,7 @@ A part's RMS is the root of its share of the mean square, negative if it cancels
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -62,8 +63,8 @@ def depth_split(
 
     def depths(errors: ImageErrors) -> dict[int, DepthFrame]:
         """Matches the image pairs that a model predicts, under the found model's noise; returns {frame id: depths}."""
-        pairs = errors.measured, errors.predictions, found.views, found.noise_model
-        return {d.frame.id: d for d in model_depths(capture, *pairs, Model(), seed)}
+        under = replace(errors, views=found.views, noise_model=found.noise_model)
+        return {d.frame.id: d for d in model_depths(capture, under, Model(), seed)}
 
     base, expected = depths(plain), []
     for errors, on_depth in ((given, _on_depth(given.model)), (found, filters)):

@@ -209,8 +209,8 @@ def diagnose(
     looked: list[tuple[Geometry, FitCache]] = []
 
     def look(evidence: Evidence) -> None:
-        looked.append((evidence.geometry, memory := FitCache(kept, evidence.train)))
-        tell(first_words(evidence, known, _within_reach(evidence, candidates)[0], workers, numbers, memory))
+        looked.append((evidence.geometry, memory := FitCache(kept, evidence.train, workers)))
+        tell(first_words(evidence, known, _within_reach(evidence, candidates)[0], numbers, memory))
 
     def located(
         model: Model, near: Evidence | None = None, seen: Callable[[Evidence], object] = lambda evidence: None
@@ -239,8 +239,8 @@ def diagnose(
 
     evidence, engine = located(known) if says is None else located(known, seen=look)
     memory = next((found for at, found in looked if evidence.geometry.is_same(at)), None)
-    memory = memory or FitCache(kept, evidence.train)
-    settings = Settings(workers, phases, numbers, engine, memory, errors, located, with_test, tell)
+    memory = memory or FitCache(kept, evidence.train, workers)
+    settings = Settings(phases, numbers, engine, memory, errors, located, with_test, tell)
     try:
         diagnosis = examine(evidence, model, candidates, settings)
     except np.linalg.LinAlgError as error:  # a ValueError, which would blame the input
@@ -399,8 +399,8 @@ def _told(
         before, after = images.before, images.after
         tested = _test_errors(outcome, evidence.test, images.standing, after, numbers)
         phases.begin(DEPTH)
-        judge = numbers, settings.workers, settings.memory
-        depth = judged_depth(errors.capture, after, accepted, excess_of(rows), candidates, evidence.seed, *judge)
+        judge = evidence.seed, numbers, settings.memory
+        depth = judged_depth(errors.capture, after, accepted, excess_of(rows), candidates, *judge)
         for fault in depth.named(is_choice=False)[:1]:
             found[fault.effect.id] = fault.parameters()
             accepted = accepted.with_effect(fault.effect, **{key: v.value for key, v in found[fault.effect.id].items()})

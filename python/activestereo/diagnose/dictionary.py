@@ -62,36 +62,31 @@ class Dictionary:
     columns: Columns
     others: list[Atom]
 
-    def grown(
-        self, leads: Collection[str], late: Sequence[Effect], reach: float, workers: int, memory: FitCache | None
-    ) -> "Dictionary":
+    def grown(self, leads: Collection[str], late: Sequence[Effect], reach: float) -> "Dictionary":
         """Returns the dictionary with columns of all shapes of the effects `leads` and of further effects, `late`."""
         more, others = ([a for a in self.others if (a.effect.id in leads) == is_lead] for is_lead in (True, False))
-        more = numbered([*more, *atoms_of(self.linear, late, reach, workers, memory)])
-        columns = np.concatenate([self.columns, columns_of(self.linear, more, workers, memory)])
+        more = numbered([*more, *atoms_of(self.linear, late, reach)])
+        columns = np.concatenate([self.columns, columns_of(self.linear, more)])
         return Dictionary(self.linear, numbered([*self.atoms, *more]), columns, others)
 
 
 def first_dictionary(
-    evidence: Evidence, model: Model, effects: Sequence[Effect], reach: float, workers: int, memory: FitCache | None
+    evidence: Evidence, model: Model, effects: Sequence[Effect], reach: float, memory: FitCache | None
 ) -> Dictionary:
     """Returns a dictionary with columns of the effects' first_shapes() alone; their other trial shapes are in `others`.
-    reach: prior standard deviation of an amplitude, in typical values."""
+    reach: prior standard deviation of an amplitude, in typical values. memory: keeps the columns."""
     linear = as_gathered(evidence, model, memory)
-    atoms = atoms_of(linear, effects, reach, workers, memory)
+    atoms = atoms_of(linear, effects, reach)
     first = first_shapes(atoms)
     others = [a for a in atoms if not any(a is tried for tried in first)]
-    return Dictionary(linear, numbered(first), columns_of(linear, numbered(first), workers, memory), others)
+    return Dictionary(linear, numbered(first), columns_of(linear, numbered(first)), others)
 
 
-def atoms_of(
-    linear: Linear, effects: Sequence[Effect], reach: float, workers: int = 1, memory: FitCache | None = None
-) -> list[Atom]:
+def atoms_of(linear: Linear, effects: Sequence[Effect], reach: float) -> list[Atom]:
     """Returns the trial shapes (atoms) of effects, at a few amplitudes and shape parameters each. reach: prior standard
-    deviation of an amplitude, in typical values. memory: caches the trial parameters that effects propose
-    (Effect.starts), which `workers` processes compute."""
+    deviation of an amplitude, in typical values."""
     atoms: list[Atom] = []
-    proposals = _proposals(linear, [e for e in effects if e.starts is not None], workers, memory)
+    proposals = _proposals(linear, [e for e in effects if e.starts is not None])
     first = 0
     for effect in effects:
         for values, steps, sigma in _plans(effect, proposals.get(effect.id), reach):
@@ -119,11 +114,10 @@ def first_shapes(atoms: Sequence[Atom]) -> list[Atom]:
     return [group[len(group) // 2] for group in ascending]
 
 
-def _proposals(
-    linear: Linear, effects: Sequence[Effect], workers: int, memory: FitCache | None
-) -> dict[str, NDArray[np.float64]]:
-    """Returns {effect: parameters [n][parameter]}, the trial parameters that effects propose near narrow likelihood
-    peaks. NaN stands for a neutral value."""
+def _proposals(linear: Linear, effects: Sequence[Effect]) -> dict[str, NDArray[np.float64]]:
+    """Returns {effect: parameters [n][parameter]}, the trial parameters that effects propose (Effect.starts) near
+    narrow likelihood peaks. NaN stands for a neutral value. The fitter's memory keeps them."""
+    memory = linear.fitter.memory
     contents = {e.id: effect_content(e) for e in effects}
     keys = {name: c and content_key("starts", linear.residual, c) for name, c in contents.items()}
     seen = cache(lambda: start_images(linear))
@@ -140,31 +134,32 @@ def _proposals(
 
     if memory is not None and (new := [e for e in effects if keys[e.id] not in (None, *memory)]):
         seen()
-        memory.make_ahead(kept, new, workers)
+        memory.make_ahead(kept, new)
     return {effect.id: kept(effect) for effect in effects}
 
 
-def columns_of(linear: Linear, atoms: Sequence[Atom], workers: int, memory: FitCache | None = None) -> Columns:
+def columns_of(linear: Linear, atoms: Sequence[Atom]) -> Columns:
     """Returns the image changes of all trial shapes, [columns][n], over the pixels of all observations, in noise
-    standard deviations. workers: number of processes. memory: caches the columns of built-in effects."""
+    standard deviations. The fitter's memory keeps the columns of built-in effects."""
+    memory = linear.fitter.memory
     contents = {a.effect.id: effect_content(a.effect) for a in atoms}
     known, own = ([a for a in atoms if (contents[a.effect.id] is None) == is_own] for is_own in (False, True))
     if memory is None:
-        stored = _compute_columns(linear, known, workers)
+        stored = _compute_columns(linear, known)
     else:
         shapes = [(contents[a.effect.id], list(a.values.items()), a.steps) for a in known]
         key = content_key("columns", linear.residual, shapes)
-        stored = memory.once(key, lambda: {"columns": _compute_columns(linear, known, workers)})["columns"]
+        stored = memory.once(key, lambda: {"columns": _compute_columns(linear, known)})["columns"]
     if not own:
         return stored.astype(np.float32)
     columns = np.zeros((sum(len(a.steps) for a in atoms), len(linear.residual)), np.float32)
-    for some, of_some in ((known, stored), (own, _compute_columns(linear, own, workers))):
+    for some, of_some in ((known, stored), (own, _compute_columns(linear, own))):
         for atom, alone in zip(some, numbered(some), strict=True):
             columns[atom.columns()] = of_some[alone.columns()]
     return columns
 
 
-def _compute_columns(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDArray[np.float16]:
+def _compute_columns(linear: Linear, atoms: Sequence[Atom]) -> NDArray[np.float16]:
     """Computes columns_of() without a cache, [columns][n]. float16 suffices, as its rounding is far below the noise."""
     if not atoms:
         return np.zeros((0, len(linear.residual)), np.float16)
@@ -185,6 +180,7 @@ def _compute_columns(linear: Linear, atoms: Sequence[Atom], workers: int) -> NDA
             moved = dict(atom.values) | {name: min(atom.values[name] + step, p.high)}
             column[:] = _in_halves(linear.change(model.with_effect(atom.effect, **moved), images) - lead)
 
+    workers = 1 if linear.fitter.memory is None else linear.fitter.memory.workers
     done = {i for i, work in forked(fill, range(len(atoms)), workers) if work.exception() is None}
     for i in range(len(atoms)):
         if i not in done:

@@ -39,9 +39,11 @@ Found: TypeAlias = tuple[dict[str, Any], SensorModel, str | None]
 
 
 class FitCache:
-    """The fits to one capture, as one entry of the disk cache. It is read at the start and written by save()."""
+    """The fits to one capture, as one entry of the disk cache. It is read at the start and written by save(). workers:
+    the number of processes that make fits."""
 
-    def __init__(self, renders: LayerCache, observations: Sequence[Observation]) -> None:
+    def __init__(self, renders: LayerCache, observations: Sequence[Observation], workers: int = 1) -> None:
+        self.workers = workers
         self._renders, self._key = renders, content_key(_FORMAT, code_digest(), observations)
         known: dict[str, dict[str, np.ndarray]] = {}
         for place, array in (renders.get_arrays(self._key) or {}).items():
@@ -54,7 +56,7 @@ class FitCache:
         """Iterates over the keys of the cached fits."""
         return iter(self._known)
 
-    def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any], workers: int) -> None:
+    def make_ahead(self, work: Callable[[Any], object], items: Sequence[Any]) -> None:
         """Runs work(item) for every item in worker processes, and caches the fits that they make. If an item fails
         there, the caller's own work(item) raises the error."""
 
@@ -63,7 +65,7 @@ class FitCache:
             work(item)
             return dict(islice(self._known.items(), before, None))
 
-        for _, done in forked(made, items, workers):
+        for _, done in forked(made, items, self.workers):
             if done.exception() is None:
                 self._known.update(done.result())
 

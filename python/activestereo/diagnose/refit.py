@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import ImageKey
 from activestereo.common.computed_once import computed_once
-from activestereo.diagnose.dictionary import Atom, start_images
+from activestereo.diagnose.dictionary import start_images
 from activestereo.diagnose.fitter import Fitter, ParameterSpace, Solution, fit_key
 from activestereo.diagnose.kept import content_key
 from activestereo.diagnose.linear import fitted_model, linearised, score_alone
@@ -241,29 +241,22 @@ class Refit:
 
 
 def refits(
-    fitter: Fitter,
-    scored: Fitter,
-    model: Model,
-    phi: np.ndarray,
-    chosen: Sequence[Candidate],
-    base_chi2: float,
-    rendering: Rendering | None,
-    workers: int,
+    fitter: Fitter, scored: Fitter, near: Solution, chosen: Sequence[Candidate], rendering: Rendering | None
 ) -> dict[str, Refit]:
-    """Fits each chosen effect alone beside a model; returns {effect: Refit}. scored: a fitter with few images, for
-    first steps. phi: nuisances to start from. base_chi2: chi2 of the model without them. rendering: renders effects of
-    air and surfaces, in place of their formulas; None keeps the formulas."""
+    """Fits each chosen effect alone beside the model of a fit, from its nuisances; returns {effect: Refit}. scored: a
+    fitter with few images, for first steps. rendering: renders effects of air and surfaces, in place of their formulas;
+    None keeps the formulas."""
     if not chosen:
         return {}
-    starts = {c.best.atom.effect.id: c.starts for c in chosen}
+    by_name, model, base_chi2 = {c.id: c for c in chosen}, near.model, near.sums.total
     spaces = [ParameterSpace.of(model, c.best.atom.effect) for c in chosen]
     base = ParameterSpace.of(model)
-    base_of_few = scored.nuisance_fit(base, base.start, phi)[1]
+    base_of_few = scored.nuisance_fit(base, base.start, near.phi)[1]
 
     def fit(space: ParameterSpace) -> Solution:
-        return _from_starts(scored, space, starts[_name(space)], phi, base_of_few)
+        return _from_starts(scored, space, by_name[_name(space)], near.phi, base_of_few)
 
-    first = _side_by_side(scored, fit, spaces, workers)
+    first = _side_by_side(scored, fit, spaces)
     gains = {name: base_of_few - f.chi2 for name, f in first.items()}
     most_of_few = max(gains.values(), default=0.0)
 
@@ -273,7 +266,7 @@ def refits(
         s = first[name].solution
         return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
 
-    found = _side_by_side(fitter, settled, spaces, workers)
+    found = _side_by_side(fitter, settled, spaces)
     most = max((base_chi2 - f.chi2 for f in found.values()), default=0.0)
     for name, f in found.items():
         effect, values = f.solution.model.effects[-1]
@@ -312,28 +305,24 @@ def _name(space: ParameterSpace) -> str:
 
 
 def _side_by_side(
-    fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace], workers: int
+    fitter: Fitter, fit: Callable[[ParameterSpace], Solution], spaces: Sequence[ParameterSpace]
 ) -> dict[str, Refit]:
-    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in `workers` processes, the
+    """Fits every space; returns {effect: Refit}. Fits that the cache can keep are made in several processes, the
     longest first: from the camera on, where effects redraw or blur finished images."""
     if fitter.memory is not None:
         cached = [space for space in spaces if fit_key("", space) is not None]
         cached.sort(key=lambda space: space.pairs[-1][0].stage >= Stage.CAMERA, reverse=True)
-        fitter.memory.make_ahead(fit, cached, workers)
+        fitter.memory.make_ahead(fit, cached)
     return {_name(space): Refit(fit(space)) for space in spaces}
 
 
 def _from_starts(
-    fitter: Fitter,
-    space: ParameterSpace,
-    starts: Sequence[tuple[Atom, Mapping[str, float]]],
-    phi: np.ndarray,
-    base_chi2: float,
+    fitter: Fitter, space: ParameterSpace, chosen: Candidate, phi: np.ndarray, base_chi2: float
 ) -> Solution:
-    """Fits an effect from several starts and from neutral; returns the best fit. Each start is evaluated once, and only
+    """Fits an effect from its starts and from neutral; returns the best fit. Each start is evaluated once, and only
     the promising ones are fitted: the best and one of another atom, or all good ones of an effect with narrow peaks.
     Each fit begins at the nuisances of its start: far from them a step may fail. base_chi2: chi2 at neutral."""
-    effect = space.pairs[-1][0]
+    effect, starts = space.pairs[-1][0], chosen.starts
     own = len(space.start) - len(effect.parameters)
     thetas = [np.concatenate([space.start[:own], [start[p.name] for p in effect.parameters]]) for _, start in starts]
 

@@ -68,7 +68,7 @@ class Search:
     def __init__(
         self, evidence: Evidence, given: Model, effects: Sequence[Effect], settings: Settings | None = None
     ) -> None:
-        settings, known = settings or Settings(workers=1), {e.id for e, _ in given.effects}
+        settings, known = settings or Settings(), {e.id for e, _ in given.effects}
         self._given, self._effects = given, [e for e in effects if e.id not in known]
         self._settings, self._numbers, self._rendering = settings, settings.numbers, settings.rendering
         self._names: list[Name] = []
@@ -113,12 +113,12 @@ class Search:
         """Returns the dictionary of all effects that change the expected images."""
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
         quick, late = ([e for e in images if e.starts_late == is_late] for is_late in (False, True))
-        made_with = self._numbers.prior_reach, self._settings.workers, self._settings.memory
-        first = first_dictionary(self._measured, self._given, quick, *made_with)
+        reach = self._numbers.prior_reach
+        first = first_dictionary(self._measured, self._given, quick, reach, self._settings.memory)
         found = candidates(first.atoms, scores(first.linear, first.columns), self._pixels)
         least = _LEADS * max((c.gain for c in found.values()), default=0.0)
         leads = {name for name, c in found.items() if c.gain > least}
-        return first.grown(leads, late, *made_with)
+        return first.grown(leads, late, reach)
 
     def _moved(self, dictionary: Dictionary) -> Dictionary:
         """Returns the dictionary at the present fit."""
@@ -264,15 +264,13 @@ class Search:
         """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light.
         is_rough: whether structure is left; effects then propose trial points from it, likely or not."""
         proposing = [e for e in self._effects if is_rough and e.starts is not None and self._is_open(e)]
-        made_with = self._settings.workers, self._settings.memory
         kept = [a for a in atoms if a.effect.id in likely.difference(e.id for e in proposing)]
-        some = numbered([*kept, *atoms_of(linear, proposing, self._numbers.prior_reach, *made_with)])
-        return candidates(some, scores(linear, columns_of(linear, some, *made_with)), self._pixels) if some else {}
+        some = numbered([*kept, *atoms_of(linear, proposing, self._numbers.prior_reach)])
+        return candidates(some, scores(linear, columns_of(linear, some)), self._pixels) if some else {}
 
     def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
         """Fits each candidate alone beside the present model; returns {effect: Refit}."""
-        given = self._solution.model, self._solution.phi, chosen, self._chi2, self._rendering, self._settings.workers
-        return refits(self._fitter, self._scored, *given)
+        return refits(self._fitter, self._scored, self._solution, chosen, self._rendering)
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
         """Subtracts the predicted draws of a named random field from the measured images, in place of its earlier
@@ -468,7 +466,7 @@ class Search:
             lambda: without.refine(start, start.start, self._first.phi, *SETTLING),
         )
         if self._settings.memory is not None:
-            self._settings.memory.make_ahead(lambda make: make(), fits, self._settings.workers)
+            self._settings.memory.make_ahead(lambda make: make(), fits)
         settled, self._first = (make() for make in fits)
         self._solution = refit_free_curve(self._fitter, settled)
         self._rows = self._whole.residuals(self._solution)

@@ -106,15 +106,13 @@ def candidates(atoms: Sequence[Atom], scores: Scores, pixels: int) -> dict[str, 
     return dict(sorted(out.items(), key=lambda item: -item[1].evidence))
 
 
-def first_words(
-    evidence: Evidence, model: Model, effects: Sequence[Effect], workers: int, numbers: Numbers, memory: FitCache
-) -> str:
+def first_words(evidence: Evidence, model: Model, effects: Sequence[Effect], numbers: Numbers, memory: FitCache) -> str:
     """Returns a clause that names the likeliest effects before anything is fitted: by their scores at the stated poses.
     memory: keeps the image changes, which the search scores again."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return "the infrared images are blank"
     images = [e for e in effects if e.channel is Channel.EXPECTED_IMAGE and not e.starts_late]
-    first = first_dictionary(evidence, model, images, numbers.prior_reach, workers, memory)
+    first = first_dictionary(evidence, model, images, numbers.prior_reach, memory)
     likely = list(candidates(first.atoms, scores(first.linear, first.columns), evidence.pixels))
     return f"looks like {', '.join(likely[:_FIRST_NAMES])}" if likely else "no effect of images fits"
 

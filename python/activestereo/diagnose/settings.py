@@ -36,7 +36,6 @@ class Settings:
     out. says: called with the ranks of a user's own effects, and with the verdict before test frames confirm it.
     """
 
-    workers: int = 2
     phases: Phases | None = None
     numbers: Numbers = NUMBERS
     rendering: Rendering | None = None

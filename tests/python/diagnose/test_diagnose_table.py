@@ -130,7 +130,7 @@ def captured(table, folder, model):
 
 def examined(table, capture, stated, effects):
     errors = ErrorsOfModels(capture, lambda *_: (table[1], table[1]), cache=_NoCache())
-    return examine(gather(capture, table[1]), stated, effects, Settings(workers=1, errors=errors)).result
+    return examine(gather(capture, table[1]), stated, effects, Settings(errors=errors)).result
 
 
 def test_the_table_holds_all_that_the_lab_judges():

@@ -179,7 +179,7 @@ def test_a_search_goes_on_where_one_more_material_is_seen(found):
 
     gain = builtin()["gain_mismatch"]
     brighter = (replace(o, measured=o.measured * (1.2 if o.view.is_right else 1.0)) for o in found.train)
-    outcome = Search(replace(found, train=tuple(brighter)), Model(), [gain], Settings(workers=1, located=located)).run()
+    outcome = Search(replace(found, train=tuple(brighter)), Model(), [gain], Settings(located=located)).run()
     assert [name.id for name in outcome.names] == [gain.id]
     assert outcome.evidence.materials == found.materials + 1
 

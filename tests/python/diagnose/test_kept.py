@@ -48,7 +48,7 @@ def test_a_first_guess_leaves_out_what_takes_long_to_start(evidence: Evidence, t
         raise AssertionError("a first guess waits for starting values")
 
     late = replace(builtin()["room_projector"], starts=slow)
-    words = first_words(evidence, Model(), [late], 1, NUMBERS, FitCache(LayerCache(tmp_path), evidence.train))
+    words = first_words(evidence, Model(), [late], NUMBERS, FitCache(LayerCache(tmp_path), evidence.train))
     assert late.starts_late and words.startswith("no effect of images fits")
 
 
@@ -59,16 +59,16 @@ def test_the_search_scores_image_changes_of_the_first_words_again(
     made: list[list[tuple[str, str]]] = []
     own = dictionary._compute_columns
 
-    def computed(linear: Linear, atoms: list[Atom], workers: int) -> NDArray[np.float16]:
+    def computed(linear: Linear, atoms: list[Atom]) -> NDArray[np.float16]:
         made.append([(a.effect.id, str(a.values)) for a in atoms])
-        return own(linear, atoms, workers)
+        return own(linear, atoms)
 
     monkeypatch.setattr(dictionary, "_compute_columns", computed)
     effects = [builtin()[name] for name in ("vignetting", "veiling_glare", "lens_psf")]
     memory = FitCache(LayerCache(tmp_path), evidence.train)
-    assert first_words(evidence, Model(), effects, 1, NUMBERS, memory)
+    assert first_words(evidence, Model(), effects, NUMBERS, memory)
     searched = replace(evidence, geometry=replace(evidence.geometry, misfit=3.0))
-    Search(searched, Model(), effects, Settings(1, memory=memory)).run()
+    Search(searched, Model(), effects, Settings(memory=memory)).run()
     [of_words, more, *_] = made
     assert {name for name, _ in of_words} == {effect.id for effect in effects}
     assert len(of_words) == len(set(of_words)) and not set(of_words) & set(more)
@@ -127,7 +127,9 @@ def test_rendered_images_of_an_effect_are_known_by_all_their_pixels() -> None:
     images = [{(0, "left"): np.zeros((3, 40, 40), np.float32)} for _ in range(3)]
     images[2][0, "left"][1, 20, 20] = 1.0
     haze = builtin()["haze"]
-    known, same, other = (effect_content(_Rendered(haze, np.zeros(1), change, ()).emulated()) for change in images)
+    known, same, other = (
+        effect_content(replace(haze, apply=_Rendered(haze, np.zeros(1), change, ()).apply)) for change in images
+    )
     assert known == same != other and known is not None and len(known) < 100
 
 
@@ -141,7 +143,7 @@ def test_keys_are_of_content_alone() -> None:
 
 @pytest.fixture
 def memory(tmp_path: Path) -> FitCache:
-    return FitCache(LayerCache(tmp_path), [])
+    return FitCache(LayerCache(tmp_path), [], workers=2)
 
 
 class Squares:
@@ -160,7 +162,7 @@ class Squares:
 
 def test_fits_come_back_from_their_processes(memory: FitCache) -> None:
     squares = Squares(memory)
-    memory.make_ahead(squares, [3, 4, 5], 2)
+    memory.make_ahead(squares, [3, 4, 5])
     assert [squares(n) for n in (3, 4, 5)] == [9.0, 16.0, 25.0] and squares.made == 0
     assert squares(6) == 36.0 and squares.made == 1
 
@@ -177,7 +179,7 @@ def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitCache)
             raise ValueError("four")
         return squares(n)
 
-    memory.make_ahead(failing, [3, 4, 5], 2)
+    memory.make_ahead(failing, [3, 4, 5])
     assert [squares(n) for n in (3, 5)] == [9.0, 25.0] and squares.made == 0
 
     def dying(n: int) -> float:
@@ -185,5 +187,5 @@ def test_what_fails_or_dies_in_a_process_is_left_to_the_caller(memory: FitCache)
             os._exit(1)
         return squares(n)
 
-    memory.make_ahead(dying, [7, 7, 7], 2)
+    memory.make_ahead(dying, [7, 7, 7])
     assert squares(7) == 49.0 and squares.made == 1

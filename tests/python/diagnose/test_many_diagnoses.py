@@ -12,6 +12,7 @@ from activestereo.compare.cache import LayerCache
 from activestereo.compare.render import render_frames
 from activestereo.diagnose.diagnosis import Settings, examine
 from activestereo.diagnose.gather import gather
+from activestereo.diagnose.kept import FitCache
 from activestereo.effects import Model, builtin
 from activestereo.effects.engines import CaptureRenderer
 from virtual_sensor.world import make_world
@@ -38,7 +39,7 @@ def hazy(tmp_path_factory):
     return replace(clean, train=tuple(map(exposed, clean.train)), test=tuple(map(exposed, clean.test)))
 
 
-def test_many_diagnoses_with_many_processes_give_one_result(hazy):
+def test_many_diagnoses_with_many_processes_give_one_result(hazy, tmp_path):
     renders = []
 
     def result(workers):
@@ -50,7 +51,8 @@ def test_many_diagnoses_with_many_processes_give_one_result(hazy):
             light = lambda o: np.stack((o.direct, o.indirect, o.ambient))  # noqa: E731
             return {key: light(after[key]) - light(before[key]) for key in after}
 
-        return examine(hazy, Model(), EFFECTS, Settings(workers=workers, rendering=rendering)).result
+        memory = FitCache(LayerCache(tmp_path), hazy.train, workers)
+        return examine(hazy, Model(), EFFECTS, Settings(rendering=rendering, memory=memory)).result
 
     first = result(1)
     assert first["ranking"][0]["effect"] == "haze" and renders

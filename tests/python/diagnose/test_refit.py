@@ -113,9 +113,9 @@ def test_fits_that_are_all_worse_than_none_take_more_steps(clean, monkeypatch):
     fitter, base = fit(seen(clean, partial(corners, falloff=0.0, gain=0.0)), ParameterSpace.of(Model()), 4)
     far = partial(fitter.refine, theta=np.full(len(vignetting.parameters), 0.9), phi=base.phi, iterations=0)
     monkeypatch.setattr(refit, "_from_starts", lambda fitter, space, *_: far(space))
-    chosen = [SimpleNamespace(best=SimpleNamespace(atom=SimpleNamespace(effect=vignetting)), starts=())]
+    chosen = [SimpleNamespace(id="vignetting", best=SimpleNamespace(atom=SimpleNamespace(effect=vignetting)))]
     assert far(ParameterSpace.of(Model(), vignetting)).sums.total > base.sums.total
-    found = refit.refits(fitter, fitter, Model(), base.phi, chosen, base.sums.total, None, 1)
+    found = refit.refits(fitter, fitter, base, chosen, None)
     assert found["vignetting"].chi2 < 0.5 * base.sums.total
 
 
@@ -126,7 +126,7 @@ def warm_charge(image, view):
 
 def of_others(linear, name, others, floor):
     atoms = atoms_of(linear, [builtin()[other] for other in others], NUMBERS.prior_reach)
-    return stand_ins(linear, builtin()[name], atoms, columns_of(linear, atoms, 1), floor, NUMBERS)
+    return stand_ins(linear, builtin()[name], atoms, columns_of(linear, atoms), floor, NUMBERS)
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def test_effects_propose_trial_points_again_where_structure_is_left(monkeypatch,
     for name, part in parts.items():
         monkeypatch.setattr(f"activestereo.diagnose.search.{name}", part)
     given = {"_effects": [unit, likely], "_is_open": bool, "_numbers": NUMBERS, "_pixels": 1}
-    search = SimpleNamespace(**given, _settings=SimpleNamespace(workers=1, memory=None))
+    search = SimpleNamespace(**given, _settings=SimpleNamespace(memory=None))
     found = Search._found_again(search, None, [Atom(likely, {}, (), (), (), 0)], {likely.id}, is_rough)
     assert found == [likely.id, unit.id][: 1 + is_rough]
 
