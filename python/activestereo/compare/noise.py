@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter1d
@@ -385,7 +385,7 @@ def noise_of_images(
 ) -> tuple[dict[ImageKey, tuple[float, str]], NoiseModel | None]:
     """Returns ({(frame id, side): (variance in DN^2, 'repeats', 'noise model' or 'pair')}, noise model); ({}, None) if
     there are no repeats and nothing in the pairs is smooth. predicted: expected DN, of the train images at least."""
-    unsteady = unsteady_light({i.key: (i.frame, i.layers, i.measured) for i in images})
+    unsteady = unsteady_light(images)
     noise_variances, noise_model = frame_noise_variances(capture, black_dn, unsteady)
     if noise_model is None:
         of_key, frames = {i.key: i for i in images}, capture.split("train") or capture.frames
@@ -404,14 +404,13 @@ _LAMP_ROWS = 15
 _LAMP_SHARE = 0.5
 
 
-def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarray]]) -> dict[ImageKey, np.ndarray]:
+def unsteady_light(images: Sequence[MeasuredImage]) -> dict[ImageKey, np.ndarray]:
     """Returns {(frame id, side): DN [height][width]}, the part of (repeat - mean of its group) that a flickering lamp
     causes. The repeats' variance contains it, although it is no noise. Empty if neighbouring rows do not change
     together, or if a change of the whole level explains more.
 
     A rolling shutter records flicker as one factor on each row's ambient light, nearly the same in neighbouring rows.
-    Row noise is independent from row to row, and stays in the floor. measured_images: {(frame id, side): (frame, its
-    rendered light, measured DN [height][width])}.
+    Row noise is independent from row to row, and stays in the floor.
     """
     found, lamp, level, all_rows = {}, 0.0, 0.0, 0.0
 
@@ -421,14 +420,13 @@ def unsteady_light(measured_images: Mapping[ImageKey, tuple[Frame, Any, np.ndarr
         moment, power = (uniform_filter1d((x * light).sum(axis=1), rows, mode="nearest") for x in (change, light))
         return (moment / np.maximum(power, 1e-12))[:, None] * light
 
-    for keys in by_repeats((frame, key[1], key) for key, (frame, *_) in measured_images.items()):
-        mean = np.mean([measured_images[key][2] for key in keys], axis=0)
-        for key in keys:
-            frame, light, measured = measured_images[key]
-            ambient = regressors(frame, light)[1]
-            change = measured - mean
-            found[key] = common(change, ambient)
-            lamp += float((found[key] ** 2).sum())
+    for repeats in by_repeats((i.frame, i.side, i) for i in images):
+        mean = np.mean([i.measured for i in repeats], axis=0)
+        for i in repeats:
+            ambient = regressors(i.frame, i.layers)[1]
+            change = i.measured - mean
+            found[i.key] = common(change, ambient)
+            lamp += float((found[i.key] ** 2).sum())
             level += float((common(change, np.ones(ambient.shape)) ** 2).sum())
             all_rows += float((common(change, ambient, 1) ** 2).sum())
     return found if lamp > max(_LAMP_SHARE * all_rows, level) else {}

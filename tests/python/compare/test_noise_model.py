@@ -12,6 +12,7 @@ from activestereo.common.rounding import ROUNDING_VARIANCE
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.compare import compare
 from activestereo.compare.image_errors import ImageErrors
+from activestereo.compare.measured_image import MeasuredImage
 from activestereo.compare.noise import by_repeats, comb_of, fit_noise_model, unsteady_light
 from activestereo.compare.render import BaseRenders, mean_of_halves, noise_square
 from activestereo.diagnose import diagnose
@@ -192,19 +193,19 @@ def _light() -> _Light:
     return _Light(np.zeros((HEIGHT, WIDTH)), 1.0 + 0.6 * np.sin(9 * u) * np.cos(7 * v))
 
 
-def _shots(change_by_row: list[np.ndarray]) -> dict[tuple[int, str], tuple[Any, _Light, np.ndarray]]:
+def _shots(change_by_row: list[np.ndarray]) -> list[MeasuredImage]:
     """Repeats of one view, whose mean is 20 DN of ambient light; change_by_row: DN [height][width] added to each."""
     rng, light = np.random.default_rng(7), _light()
-    shots = {}
+    shots: list[Any] = []
     for k, change in enumerate(change_by_row):
         frame = SimpleNamespace(id=k, repeat_group=0, exposure_gain=1.0, ambient=None, projector_power=1.0)
         noise = NOISE_DN * rng.standard_normal((HEIGHT, WIDTH))
-        shots[k, "left"] = frame, light, 20.0 * light.ambient + change + noise
+        shots.append(MeasuredImage(frame, "left", None, light, 20.0 * light.ambient + change + noise))
     return shots
 
 
-def _variance(shots: dict[Any, Any], taken_out: dict[Any, np.ndarray]) -> float:
-    images = [image - taken_out.get(key, 0.0) for key, (_, _, image) in shots.items()]
+def _variance(shots: list[MeasuredImage], taken_out: dict[Any, np.ndarray]) -> float:
+    images = [shot.measured - taken_out.get(shot.key, 0.0) for shot in shots]
     return float(np.var(images, axis=0, ddof=1).mean())
 
 
@@ -227,9 +228,9 @@ def test_noise_of_rows_and_of_pixels_stays() -> None:
 
 
 def test_frames_that_are_no_repeats_have_no_change() -> None:
-    (key, (frame, light, image)), *_ = _shots([np.zeros((HEIGHT, WIDTH))]).items()
-    frame.repeat_group = None
-    assert unsteady_light({key: (frame, light, image)}) == {}
+    [shot] = _shots([np.zeros((HEIGHT, WIDTH))])
+    shot.frame.repeat_group = None
+    assert unsteady_light([shot]) == {}
 
 
 def test_frames_that_are_alone_in_their_group_are_no_repeats() -> None:

@@ -2,6 +2,7 @@
 """A depth error's parts add up, and each is found where it alone was made."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from activestereo.capture.capture import read_capture
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.image_errors import Judged, image_errors
-from activestereo.compare.render import render_halves
+from activestereo.compare.render import BaseRenders
 from activestereo.diagnose.depth_engine import Depth
 from activestereo.diagnose.depth_split import OWN, PARTS, depth_split, split_of
 from activestereo.effects import Model, builtin
@@ -111,15 +112,17 @@ def test_sentences_tell_parts_that_add_up():
 def test_a_device_that_stretches_depth_is_told_as_out_of_calibration(tmp_path, stretch):
     world = make_world(tmp_path / "world", size=(160, 90), grid=1)
     capture = read_capture(with_device_depth(world, tmp_path / "capture", ids=(0, 2), stretch=stretch))
-    halves = render_halves(capture, WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
+    renders = BaseRenders(WorldRenderer(world, grid=1), 2, 1, 0, LayerCache(tmp_path / "cache"))
+    halves = renders.halves(capture, capture.frames)
     faded = Model().with_effect(builtin()["vignetting"], exponent=1.0)
     done: list[float] = []
 
-    def render(frames, progress):
+    def known(capture, frames, progress):
         progress(1.0)
         return halves
 
-    plain, found = image_errors(capture, [Judged(Model()), Judged(faded)], render, progress=done.append)
+    renders = SimpleNamespace(halves=known, seed=0, cache=renders.cache)
+    plain, found = image_errors(capture, [Judged(Model()), Judged(faded)], renders, done.append)
     poses = len({frame.camera_to_world.tobytes() for frame in capture.frames})
     assert done == pytest.approx([(i + 1) / poses for i in range(poses)])  # no engine renders: views are all the work
     told = depth_split(capture, plain, plain, found, Depth((), True), str, 0)
