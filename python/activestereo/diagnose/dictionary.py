@@ -229,7 +229,12 @@ def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> 
     """Yields (values, steps, sigma) for each Atom of an effect, as defined there. starts: trial parameters that the
     effect proposes, [n][parameter], NaN = neutral; None if it proposes none. reach: as in atoms_of()."""
     if starts is not None:
-        yield from _proposed(effect, starts)
+        lead = effect.parameters[0]
+        for start in starts:
+            within = zip(effect.parameters, start, strict=True)
+            values = {p.name: p.neutral if np.isnan(v) else float(np.clip(v, p.low, p.high)) for p, v in within}
+            if values[lead.name] != lead.neutral:
+                yield values, [(lead, values[lead.name] - lead.neutral)], (1.0,)
         return
     shapes = [p for p in effect.parameters if p.neutral != 0 and not p.choice]
     amplitudes = [p for p in effect.parameters if p.neutral == 0 and not p.choice]
@@ -243,15 +248,6 @@ def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> 
             own = {p.name: v for p, v in zip(shapes, choice, strict=True)} | {lead.name: lead.neutral + level}
             steps = [(lead, level), *((p, p.typical) for p in others)]
             yield effect.neutral_values | own, steps, tuple(reach * p.typical / abs(step) for p, step in steps)
-
-
-def _proposed(effect: Effect, starts: NDArray[np.float64]) -> Iterator[_Plan]:
-    lead = effect.parameters[0]
-    for start in starts:
-        within = zip(effect.parameters, start, strict=True)
-        values = {p.name: p.neutral if np.isnan(v) else float(np.clip(v, p.low, p.high)) for p, v in within}
-        if values[lead.name] != lead.neutral:
-            yield values, [(lead, values[lead.name] - lead.neutral)], (1.0,)
 
 
 def _levels(p: Parameter, stage: Stage) -> list[float]:

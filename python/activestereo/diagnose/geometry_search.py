@@ -120,26 +120,42 @@ def gather_where_it_stands(
     if known is not None:
         found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
         # The type must be the same as when it was found: keys of fits tell a number from an array.
-        geometry = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
-        if near is not None and geometry.is_same(near.geometry):
+        stands = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
+        if near is not None and stands.is_same(near.geometry):
             return near
-        capture = geometry.capture()
-        evidence = gather(capture, render(capture), seed, geometry)
+        capture = stands.capture()
+        evidence = gather(capture, render(capture), seed, stands)
         seen(evidence)
         return evidence
 
-    def start() -> tuple[Evidence, _Step]:
-        if near is not None:
-            return _start(near, capture, render, model, workers)
+    if near is None:
         evidence = gather(capture, render(capture), seed)
         seen(evidence)
-        return evidence, _step(evidence, model, 0.0, workers)
-
-    blurs_px, linear_share = (_BLURS_PX, _LINEAR_SHARE) if near is None else ((), _TOLD_SHARE)
-    evidence = _searched(start, render, model, blurs_px, linear_share, draft, workers)
+        step = _step(evidence, model, 0.0, workers)
+    else:
+        evidence, step = _start(near, capture, render, model, workers)
+    change, linear_share = _change(evidence, step.focal, step.twists), _LINEAR_SHARE if near is None else _TOLD_SHARE
+    # If sharp images need a large correction, blurred ones reveal it. Without blurs the first step counts: a view's
+    # move has hidden the model's effect so far.
+    is_rough = near is None and change >= _FAR_SHARE
+    plan: list[float | None] = [*_BLURS_PX, 0.0] if is_rough else [None, 0.0]
+    is_draft = False
+    for number, sigma_px in enumerate(plan if change >= linear_share else (), 1):
+        by = draft if draft is not None and is_rough and number < len(plan) else render
+        if sigma_px is not None:
+            step = _step(evidence, model, sigma_px, workers)
+        geometry = _corrected(evidence, step.focal, step.twists)
+        if geometry is None and is_draft and by is render:
+            geometry = evidence.geometry
+        if geometry is not None:
+            del evidence  # one at a time: those of large images take gigabytes
+            capture, is_draft = geometry.capture(), by is draft
+            evidence = gather(capture, by(capture), seed, geometry)
+    stands = replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit)
+    evidence = replace(evidence, geometry=stands)
     if memory is not None and key is not None:
-        memory.put_arrays(key, {f"geometry/{name}": getattr(evidence.geometry, name) for name in _FOUND})
-    return near if near is not None and evidence.geometry.is_same(near.geometry) else evidence
+        memory.put_arrays(key, {f"geometry/{name}": getattr(stands, name) for name in _FOUND})
+    return near if near is not None and stands.is_same(near.geometry) else evidence
 
 
 def _start(near: Evidence, capture: Capture, render: Render, model: Model, workers: int) -> tuple[Evidence, _Step]:
@@ -162,40 +178,6 @@ def _key(capture: Capture, model: Model, seed: int, rendered_by: object, near: E
         return None
     start = None if near is None else (near.geometry.focal, near.geometry.twists())
     return content_key("geometry", code_digest(), capture_content(capture), effects, seed, rendered_by, start)
-
-
-def _searched(
-    start: Callable[[], tuple[Evidence, _Step]],
-    render: Render,
-    model: Model,
-    blurs_px: Sequence[float],
-    linear_share: float,
-    draft: Render | None = None,
-    workers: int = 1,
-) -> Evidence:
-    """Searches the geometry, and returns the evidence rendered there. start: returns the evidence to start from and
-    _step() there. If sharp images need a large correction, it makes one step per blur and a last sharp step, because
-    blurred images reveal larger errors; else two sharp steps. linear_share: smaller changes of the images need no
-    render. draft: as of gather_where_it_stands().
-    Only one evidence is held at a time, since those of large images take gigabytes."""
-    evidence, step = start()
-    change, seed = _change(evidence, step.focal, step.twists), evidence.seed
-    rough = blurs_px if change >= _FAR_SHARE else ()
-    # Without blurs the first step counts: a view's move has hidden the model's effect so far.
-    plan: list[float | None] = [*rough, 0.0] if rough else [None, 0.0]
-    is_draft = False
-    for number, sigma_px in enumerate(plan if change >= linear_share else (), 1):
-        by = draft if draft is not None and rough and number < len(plan) else render
-        if sigma_px is not None:
-            step = _step(evidence, model, sigma_px, workers)
-        geometry = _corrected(evidence, step.focal, step.twists)
-        if geometry is None and is_draft and by is render:
-            geometry = evidence.geometry
-        if geometry is not None:
-            del evidence
-            capture, is_draft = geometry.capture(), by is draft
-            evidence = gather(capture, by(capture), seed, geometry)
-    return replace(evidence, geometry=replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit))
 
 
 def _corrected(evidence: Evidence, focal: np.ndarray, twists: np.ndarray) -> Geometry | None:

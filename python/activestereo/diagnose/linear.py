@@ -154,7 +154,10 @@ def scores(linear: Linear, columns: Columns) -> Scores:
     inverse = np.linalg.pinv(K / np.outer(norm, norm), rcond=1e-7, hermitian=True) / np.outer(norm, norm)
     step = inverse @ ((A @ r).astype(np.float64) - linear.pull)
     left = r - step.astype(np.float32) @ A
-    surfaces, group = _groups(linear.material)
+    numbers, counts = np.unique(linear.material, return_counts=True)
+    large = numbers[(counts > _LEAST_SURFACE * len(r)) & (numbers < MOST_MATERIALS)]
+    surfaces = tuple(map(int, large))
+    group = np.where(np.isin(linear.material, large), np.searchsorted(large, linear.material), len(large))
     sums = []
     for g in range(len(surfaces) + 1):
         here = np.flatnonzero(group == g)
@@ -169,12 +172,3 @@ def score_alone(linear: Linear, change: Columns) -> tuple[float, float]:
     """Returns (information, score) of one image change [n] on all surfaces, as Scores.select() does."""
     information, score = scores(linear, change[None]).select(slice(0, 1))
     return float(information[0, 0]), float(score[0])
-
-
-def _groups(material: NDArray[np.int64]) -> tuple[tuple[int, ...], NDArray[np.int64]]:
-    """Returns (indices of the large surfaces, each pixel's group)."""
-    numbers, counts = np.unique(material, return_counts=True)
-    large = numbers[(counts > _LEAST_SURFACE * len(material)) & (numbers < MOST_MATERIALS)]
-    group = np.searchsorted(large, material)
-    inside = np.isin(material, large)
-    return tuple(map(int, large)), np.where(inside, group, len(large))

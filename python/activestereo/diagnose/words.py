@@ -98,7 +98,10 @@ def rival_words(result: Mapping[str, Any]) -> list[str]:
 
 def headline(result: Mapping[str, Any]) -> str:
     """Returns the verdict in one sentence."""
-    left = _left(result)
+    error, floor = result["heldout_ir_rmse_after"], result["heldout_noise_floor"]
+    left = ""
+    if error is not None and floor is not None:
+        left = f" ({error_text(error, floor, 2)}, noise alone gives {floor:.2f} DN)"
     if result["verdict"] == "effect":
         added = result["added"]
         return f"The model lacks {listed([_named(result, name) for name in added])}."
@@ -132,13 +135,6 @@ def _lowered(words: str) -> str:
 
 def _percent(share: float, decimals: int = 0) -> str:
     return f"{round(100 * share, decimals) + 0.0:.{decimals}f} %"  # + 0.0: no -0
-
-
-def _left(result: Mapping[str, Any]) -> str:
-    error, floor = result["heldout_ir_rmse_after"], result["heldout_noise_floor"]
-    if error is None or floor is None:
-        return ""
-    return f" ({error_text(error, floor, 2)}, noise alone gives {floor:.2f} DN)"
 
 
 def _left_open(result: Mapping[str, Any], advice: Mapping[str, Any], whole: bool) -> str:

@@ -22,7 +22,6 @@ from activestereo.diagnose.gather import gather
 from activestereo.diagnose.geometry import TWIST, Geometry, derivatives_in_dn, focal_slopes, geometry_slopes
 from activestereo.diagnose.geometry_search import (
     _moving_beyond_others,
-    _searched,
     _step,
     coarse,
     gather_where_it_stands,
@@ -240,8 +239,7 @@ def test_a_lens_that_distorts_moves_nothing(capture, lab_world, lab_cache):
     """Beside it, focal lengths and poses would take what they can of it."""
     hidden = Model().with_effect(builtin()["radial_distortion"], k1=-0.04)
     evidence = hiding(capture, hidden, lab_world, lab_cache)
-    step = _step(evidence, Model())
-    assert _searched(lambda: (evidence, step), render_never, Model(), (3.0,), 0.1).geometry.is_as_stated()
+    assert gather_where_it_stands(capture, render_never, Model(), near=evidence).geometry.is_as_stated()
 
 
 def test_what_only_motion_shows_is_no_move_of_its_view(capture, lab_world, lab_cache):
