@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> None:
     disparity = np.maximum(engine.compute(left, right, ("disparity",))["disparity"], 0.0)
     findings = pair_findings(left, right, disparity, float(np.iinfo(left.dtype).max), device)
     cli.make_folder(args.out)
-    entries = {"findings": [f.as_json() for f in findings]}
+    entries = {"findings": [vars(f) | {"stands_out": f.stands_out} for f in findings]}
     write_json(args.out / "pair.json", entries)
     if args.json:
         cli.print_json(entries)

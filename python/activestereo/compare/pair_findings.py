@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -41,9 +40,6 @@ class Finding:
     @property
     def stands_out(self) -> bool:
         return not self.low <= self.neutral <= self.high
-
-    def as_json(self) -> dict[str, Any]:
-        return vars(self) | {"stands_out": self.stands_out}
 
 
 def pair_findings(

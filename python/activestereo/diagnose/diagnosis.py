@@ -285,11 +285,10 @@ def examine(
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return _undetermined("the infrared images are blank", model)
     phases.begin(FITTING)
-    chosen, out_of_reach = _within_reach(evidence, candidates)
-    outcome = Search(evidence, model, chosen, settings).run()
+    outcome = Search(evidence, model, _within_reach(evidence, candidates)[0], settings).run()
     outcome.evidence.forget()
     outcome.fitter.forget()
-    told = partial(_told, given=given, candidates=candidates, chosen=chosen, out_of_reach=out_of_reach)
+    told = partial(_told, given=given, candidates=candidates)
     with_names = replace(outcome.rest, test_left=None if settings.errors is None else 0.0)  # test frames decide below
     found, (explained, left, unlike) = told(replace(outcome, rest=with_names), settings=settings)
     tested = replace(outcome.rest, test_explained=explained, test_left=left, test_unlike=unlike)
@@ -360,15 +359,9 @@ def _mean_square(observations: Sequence[Observation], errors: ImageErrors) -> fl
 
 
 def _told(
-    outcome: Outcome,
-    given: Model | SensorModel | None,
-    candidates: Sequence[Effect],
-    chosen: Sequence[Effect],
-    out_of_reach: Sequence[tuple[Effect, str]],
-    settings: Settings,
+    outcome: Outcome, given: Model | SensorModel | None, candidates: Sequence[Effect], settings: Settings
 ) -> tuple[Diagnosis, _Tested]:
-    """Returns (the Diagnosis for the outcome of a search, the result of _test_errors()). chosen: the effects that the
-    search judged. out_of_reach: all other effects, each with the reason why not."""
+    """Returns (the Diagnosis for the outcome of a search, the result of _test_errors())."""
     phases, numbers = settings.phases or Phases(None, PHASES), settings.numbers
     evidence, names, name_of = outcome.evidence, outcome.names, surface_text(outcome.evidence.capture.scene_path)
     model = _effects_of(given, evidence.capture.scene_path)
@@ -414,6 +407,8 @@ def _told(
         judged |= {"heldout_ir_rmse_after": last}
     if judged["heldout_noise_floor"] is None and evidence.has_floor:
         judged |= {"heldout_noise_floor": float(np.sqrt(evidence.floor_variance(evidence.train)))}
+    chosen, out_of_reach = _within_reach(evidence, candidates)
+    unjudged = [*out_of_reach, *((e, outcome.unjudged[e.id]) for e in chosen if e.id in outcome.unjudged)]
     residual = residual_model(rows, black_dn, evidence.seed) if verdict == UNKNOWN else None
     result: dict[str, Any] = judged | {
         "verdict": verdict,
@@ -422,9 +417,7 @@ def _told(
         "alpha": numbers.alpha,
         "least_share": numbers.least_share,
         "sets": sets_of(outcome),
-        "not_ranked": [{"effect": e.id, "family": e.family, "reason": why} for e, why in out_of_reach]
-        + [{"effect": e.id, "family": e.family, "reason": outcome.unjudged[e.id]}
-           for e in chosen if e.id in outcome.unjudged],
+        "not_ranked": [{"effect": e.id, "family": e.family, "reason": why} for e, why in unjudged],
         "added": added,
         "depth": depth_json(depth, numbers, name_of),
         "next_measurement": next_measurements(evidence, *_open_set(outcome)),
