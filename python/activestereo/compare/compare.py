@@ -120,7 +120,7 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     # The shape of the train frames' error.
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
     floor = {key: errors.noise_variances.get(key, (0.0, ""))[0] for key in keys}
-    shape = error_shape((measured[key], predictions[key], floor[key], views[key].known_mask) for key in keys)
+    shape = error_shape((measured[key], predictions[key], floor[key], views[key].known_mask()) for key in keys)
     beside = None
     if without is not None:  # {"ir": {split: RMSE in DN}, "depth": {split: RMSE of disparity in px}}
         scores_without = depth_scores(model_depths(capture, without, without.model, seed))
@@ -164,7 +164,7 @@ def _where_it_fails(errors: ImageErrors, depths: Sequence[DepthFrame], seed: int
                 mean = variance.mean()
                 floor = variance * (own / mean) if mean > 0 else np.full(expected.shape, own)
             residual, pose = errors.measured[key] - expected, side.encode() + frame.camera_to_world.tobytes()
-            images["infrared"].append(ResidualImage(residual, floor, view.known_mask, maps[key], pose))
+            images["infrared"].append(ResidualImage(residual, floor, view.known_mask(), maps[key], pose))
     for d in (d for d in depths if d.frame.split == "train"):
         here = maps[d.frame.id, "left"], b"left" + d.frame.camera_to_world.tobytes()
         # Device minus model, and the squared difference of two exposures of the model.

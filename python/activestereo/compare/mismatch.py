@@ -149,7 +149,7 @@ def _one(frame: Frame, errors: ImageErrors) -> tuple[float, ...] | None:
 def _unclipped(errors: ImageErrors, frame: Frame) -> NDArray[np.bool_]:
     """Returns which pixels of a frame's left image are below full scale and show the known scene, [height, width]."""
     view, measured = errors.views[frame.id, "left"], errors.measured[frame.id, "left"]
-    return (np.asarray(measured, np.float64) < view.max_dn - 1) & view.known_mask
+    return (np.asarray(measured, np.float64) < view.max_dn - 1) & view.known_mask()
 
 
 def _dots_variance(errors: ImageErrors, frame: Frame, fast: NDArray[np.float64]) -> float | None:

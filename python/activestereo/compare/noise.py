@@ -320,7 +320,8 @@ def _slope(
         signal = np.maximum(mean - noise_model.black_dn, 0.0)
         known = noise_model.variance(mean, o.frame.gain) + missing * signal**2
         alike = (np.abs(image[:, 1:] - image[:, :-1]) < _ALIKE * mean) & (mean < o.view.max_dn - 1)
-        alike &= o.view.known_mask[:, 1:] & o.view.known_mask[:, :-1]
+        known_scene = o.view.known_mask()
+        alike &= known_scene[:, 1:] & known_scene[:, :-1]
         pair = np.minimum(0.5 * (rest[:, 1:] - rest[:, :-1]) ** 2, _OUTLIER * known)
         lever, weight = lever_of(o, signal), 1.0 / np.maximum(known, ROUNDING_VARIANCE) ** 2
         top += (weight * lever * (pair - known))[alike].sum()
@@ -360,7 +361,7 @@ def _rows(left: MeasuredImage, right: MeasuredImage) -> list[tuple[float, float,
     interpolated = (u**2 + (1.0 - u) ** 2) * (v**2 + (1.0 - v) ** 2)
     one_side = rest**2 / (kept * (1.0 + interpolated))
     slope = gaussian_gradient_magnitude(image, 1.0) + gaussian_gradient_magnitude(there, 1.0)
-    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.view.max_dn - 1) & left.view.known_mask
+    usable = warp.seen & (image > 0) & (np.maximum(image, there) < left.view.max_dn - 1) & left.view.known_mask()
     level = gaussian_filter(image, 1.0)
     if usable.sum() < _LEAST_PIXELS:
         return []

@@ -75,7 +75,7 @@ def edge_discrepancy(
     for o in observations:
         if not o.frame.is_moving and o.frame.projector_power > 0:
             slope = edge_slopes(o, images[o.key])
-            edge = (slope > 0) & o.view.known_mask
+            edge = (slope > 0) & o.view.known_mask()
             variance = noise_model.variance(images[o.key], o.frame.gain)
             excess += ((o.measured - images[o.key]) ** 2 - variance)[edge].sum()
             slopes += (slope[edge].astype(np.float64) ** 2).sum()
@@ -187,7 +187,7 @@ def weight_of(
     variance = np.maximum(noise_model.variance(expected_dn, observation.frame.gain), ROUNDING_VARIANCE)
     if edge_discrepancy_m > 0:
         variance = variance + (edge_discrepancy_m * edge_slopes(observation, expected_dn)) ** 2
-    return (1.0 / variance).astype(np.float32) * observation.view.known_mask
+    return (1.0 / variance).astype(np.float32) * observation.view.known_mask()
 
 
 def one_of_each_situation(

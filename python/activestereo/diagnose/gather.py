@@ -118,7 +118,7 @@ def _observed(
         known = surface < len(material_of)
         return np.where(known, material_of[np.where(known, surface, 0)] if len(material_of) else surface, surface)
 
-    seen_by_train = [material(s)[s.view.known_mask] for s in train]
+    seen_by_train = [material(s)[s.view.known_mask()] for s in train]
     ids, counts = np.unique(np.concatenate(seen_by_train), return_counts=True)
     least = _SMALLEST_MATERIAL * counts.sum()
     materials = [ids[i] for i in np.argsort(-counts) if counts[i] > least][1:]

@@ -145,7 +145,6 @@ class View(Remembering):
         height, width = self.depth_m.shape
         return height, width
 
-    @property
     def known_mask(self) -> np.ndarray:
         """Returns `known` as a mask, also where it is None."""
         return np.ones(self.shape, dtype=bool) if self.known is None else self.known
