@@ -66,6 +66,14 @@ def ranking_of(
             entry = entry_json(effect, channel, nats, p, share, found, same, name_of)
             entries[effect.id] = entry | {"gain_reduced_chi2": gain}
 
+    def add_fit(seen: Round, member: str, p: float, same: list[str]) -> None:
+        fit = seen.fits[member].solution
+        effect = fit.effects[-1]
+        own = fit.theta[len(fit.theta) - len(effect.parameters) :]
+        found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
+        gain = (seen.chi2 - fit.sums.total) / pixels
+        add(effect, gain, _nats(outcome, gain), p, found, same)
+
     for name in outcome.names:
         own = outcome.noise.get(name.id)
         nats = _nats(outcome, name.gain) if own is None else own.nats
@@ -74,11 +82,11 @@ def ranking_of(
     for name in outcome.names:
         for member, p in name.members.items():
             if name.seen is not None and member in name.seen.fits:
-                _add_fit(outcome, name.seen, member, known * p, [m for m in name.members if m != member], add)
+                add_fit(name.seen, member, known * p, [m for m in name.members if m != member])
     rivals = outcome.rounds[:1] + outcome.rounds[-1:]  # beside no named effect, and beside all of them
     for seen in rivals if verdict_is_effect else reversed(rivals):
         for member in sorted(seen.fits, key=lambda m: seen.fits[m].chi2):
-            _add_fit(outcome, seen, member, 0.0, [], add)
+            add_fit(seen, member, 0.0, [])
     for candidate in list(outcome.rounds[0].candidates.values())[:_SHOWN]:
         effect, line = candidate.best.atom.effect, candidate.best.values()
         found = {q.name: Interval(line[q.name], q.low, q.high, q.unit) for q in effect.parameters}
@@ -87,15 +95,6 @@ def ranking_of(
     for term in outcome.noise.values():
         add(term.effect, 0.0, term.nats, 0.0, term.parameters(), [])
     return list(entries.values())
-
-
-def _add_fit(outcome: Outcome, seen: Round, member: str, p: float, same: list[str], add: Callable[..., None]) -> None:
-    fit, pixels = seen.fits[member].solution, outcome.fitter.pixels_used()
-    effect = fit.effects[-1]
-    own = fit.theta[len(fit.theta) - len(effect.parameters) :]
-    found = {q.name: Interval(float(v), q.low, q.high, q.unit) for q, v in zip(effect.parameters, own, strict=True)}
-    gain = (seen.chi2 - fit.sums.total) / pixels
-    add(effect, gain, _nats(outcome, gain), p, found, same)
 
 
 def _nats(outcome: Outcome, gain: float) -> float:

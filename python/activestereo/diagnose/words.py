@@ -137,21 +137,14 @@ def _percent(share: float, decimals: int = 0) -> str:
     return f"{round(100 * share, decimals) + 0.0:.{decimals}f} %"  # + 0.0: no -0
 
 
-def _left_open(result: Mapping[str, Any], advice: Mapping[str, Any], whole: bool) -> str:
-    """Returns a sentence on effects that an advised measurement would reveal, except those in the named sets; "" if
-    there are none. whole: whether to list all of them."""
-    told = {name for own in result.get("sets", []) for name in own["effects"]}
-    left = [name for name in advice.get("separates", []) if name not in told]
-    shown = left if whole or len(left) < 3 else [left[0], f"{len(left) - 1} more"]
-    return f"Not told: {listed(shown)}. " if left else ""
-
-
 def next_steps(result: Mapping[str, Any], all_open: bool = False) -> list[str]:
     """Returns sentences on what to do next, most useful first. all_open: lists all effects that a measurement would
     reveal, not just one and the number of the others."""
-    steps = [
-        f"{_left_open(result, advice, all_open)}Measure: {advice['text']}." for advice in result["next_measurement"][:1]
-    ]
+    steps, told = [], {name for own in result.get("sets", []) for name in own["effects"]}
+    for advice in result["next_measurement"][:1]:
+        left = [name for name in advice.get("separates", []) if name not in told]
+        shown = left if all_open or len(left) < 3 else [left[0], f"{len(left) - 1} more"]
+        steps.append(f"{f'Not told: {listed(shown)}. ' if left else ''}Measure: {advice['text']}.")
     # No name explains all: a rig or an albedo that is improbable may be part of what is missing.
     least = NUMBERS.strain if result["verdict"] == "unknown" else IMPOSSIBLE_SIGMAS
     for kind, again in (("geometry", "Calibrate the rig"), ("albedos", "Measure the albedos")):
