@@ -230,8 +230,8 @@ def test_without_a_renderer_python_judges_by_the_engines_of_the_command_line(lab
     def engines_of(*sampled):
         raise Asked(sampled)
 
-    monkeypatch.setattr("activestereo.compare.engine_prediction.engines_of", engines_of)
     for judge in (compare, diagnose):
+        monkeypatch.setattr(f"{judge.__module__}.engines_of", engines_of)
         with pytest.raises(Asked, match="'auto', None, 8, 0"):
             judge(lab_world.capture_path)
     with pytest.raises(TypeError, match="unknown settings: spp; there are renderer, samples_per_pixel"):
