@@ -14,7 +14,7 @@ import kuafu
 from activestereo.common.pose import look_at
 from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
-from activestereo.scene_io.staging import INFRARED_SHARES, EnvironmentMapError, infrared_share, read_environment_map
+from activestereo.scene_io.staging import INFRARED_SHARES, infrared_share, read_environment_map
 from activestereo.scene_io.staging import set_environment_map, set_infrared_share
 
 _WHITE_LED_LM_PER_W = 300.0
@@ -121,7 +121,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path) -> None:
     text = tmp_path / "text.hdr"
     text.write_text("no image")
     for path, message in ((square, "twice as wide"), (text, "no image that can be read"), (tmp_path / "x", "no such")):
-        with pytest.raises(EnvironmentMapError, match=message):
+        with pytest.raises(ValueError, match=message):
             read_environment_map(path)
 
 

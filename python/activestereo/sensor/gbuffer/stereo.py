@@ -28,7 +28,7 @@ from activestereo.effects.engines.capture_inputs import copy_record
 from activestereo.model import SensorModel
 from activestereo.sensor.cuda_memory import CudaMaps, CudaMemory, cuda_tensor, require_no_capture, wait_for
 from activestereo.sensor.gbuffer.cause import causes, hidden_from_right, inverse_depth, mirrors_or_is_glass, require_row
-from activestereo.sensor.pictures import IrLink, has_own_memory
+from activestereo.sensor.pictures import IrLink, expose_each, has_own_memory
 from activestereo.sensor.rig import RigInputs
 
 _NONE = np.uint32(0xFFFFFFFF)
@@ -370,11 +370,7 @@ class GBufferStereo:
             )  # fmt: skip
 
         seen = lit(share)
-        if self._exposure.mode != "fixed":
-            light = self._exposure.settled_light(inputs.left.signal, self._link.images(self._count), inputs.max_dn)
-            self._link.brighten(light)
-            if inputs.speckle_of_laser:
-                self._link.laser().brighten(light)
+        expose_each(self._link, np.ones(self._count), inputs.speckle_of_laser, self._exposure, inputs)
         self._frame = frame
         wanted = {*outputs, *(["depth"] if "valid" in outputs else []), *(["ir_left", "reason"] if wants_cause else [])}
         names = [name for name in (*_OF_ENGINE, "reason") if name in wanted]
