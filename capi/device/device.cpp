@@ -7,10 +7,8 @@
 #include <cstring>
 
 #include "device/cache_file.h"
-#include "device/device_select.h"
 #include "device/error.h"
 #include "device/host_memory.h"
-#include "device/hosts_device.h"
 #include "device/instance.h"
 #include "device/log_sink.h"
 #include "device/physical.h"
@@ -19,7 +17,6 @@
 #include "device/spare_threads.h"
 #include "device/struct_read.h"
 #include "device/struct_table.h"
-#include "device/text.h"
 #include "device/thread_pool.h"
 
 namespace ks {

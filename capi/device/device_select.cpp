@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "device/device_select.h"
+#include "device/physical.h"
 
 #include <cstring>
 #include <string>

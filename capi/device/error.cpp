@@ -4,6 +4,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "device/log_sink.h"
+
 namespace ks {
 namespace {
 thread_local char error_text[4096] = "";
@@ -15,11 +17,7 @@ void fail(ks_status status, const char* format, ...) {
   va_start(arguments, format);
   std::vsnprintf(text, sizeof text, format, arguments);
   va_end(arguments);
-  for (char& c : text) {
-    if (c == '\0') break;
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';  // a name from a file or a host may hold anything
-  }
-  throw Error(status, text);
+  throw Error(status, one_line(text, sizeof text));  // a name from a file or a host may hold anything
 }
 
 const char* last_error() noexcept { return error_text; }

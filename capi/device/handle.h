@@ -1,19 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
-// The object behind a C handle: a shared_ptr, a reference count and a tag, which tells kinds of handles and released handles apart. Thread
-// rule: retain and release may be called from any thread.
+// A call of an extern "C" function, and the object behind a C handle: a shared_ptr, a reference count and a tag, which tells kinds of
+// handles and released handles apart. Thread rule: retain and release may be called from any thread.
 #pragma once
 
+#include <cxxabi.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <new>
+#include <utility>
 
-#include "device/call.h"
-#include "device/handle_memory.h"
+#include "device/cancellation.h"
+#include "device/error.h"
 
 namespace ks {
+
+/// Memory of handles: fixed blocks that are never given back to the allocator and are used again late, so that a caller who uses a handle
+/// after its last release meets its erased tag, not foreign memory. Any thread may ask for one, also after fork.
+inline constexpr size_t handle_memory_bytes = 64;
+/// Blocks that wait at least: a handle is recognised as released until so many others were released.
+inline constexpr size_t handles_remembered = 1024;
+
+/// Allocates a block of handle_memory_bytes. Throws std::bad_alloc.
+void* take_handle_memory();
+void give_handle_memory(void* block) noexcept;
+
+/// Works as guard(), but lets the unwinding of a thread pass that ends inside (pthread_cancel, or pthread_exit in a callback). To catch it
+/// would end the process. The sanitizer is off here because that exception is caught as a reference to nothing.
+template <class F>
+__attribute__((no_sanitize("undefined"))) ks_status call(F&& fn) {
+  const CancellationHeld held;
+  try {
+    std::forward<F>(fn)();
+    return KS_OK;
+  } catch (abi::__forced_unwind&) {
+    throw;
+  } catch (...) {
+    return guard([] { throw; });
+  }
+}
 
 /// Base of kuafu_device_t and the other handles. tag_value differs for every kind of handle in both libraries. After a fork, the child has
 /// no threads of ours or of the driver: it refuses handles, and their release does nothing. `without_threads`: a handle that is plain
@@ -65,7 +93,7 @@ class Exclusive {
 
  private:
   decltype(H::object) object_;
-  H* handle_;  // its memory outlives it (handle_memory.h)
+  H* handle_;  // its memory outlives it (take_handle_memory)
 };
 
 template <class H>

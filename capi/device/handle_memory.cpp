@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "device/handle_memory.h"
+#include "device/handle.h"
 
 #include <pthread.h>
 

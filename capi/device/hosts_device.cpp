@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "device/hosts_device.h"
+#include "device/physical.h"
 
 #include <algorithm>
 

@@ -50,4 +50,12 @@ inline constexpr VkBufferUsageFlags buffer_usage = VK_BUFFER_USAGE_STORAGE_BUFFE
                                                    VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
                                                    VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
+/// Facts of a VkDevice that the host made (KS_SELECT_VULKAN), for its queue: without the features and extensions that its
+/// VkDeviceCreateInfo left off. Throws KS_ERROR_INVALID_ARGUMENT for a missing handle or a queue family without compute.
+PhysicalFacts hosts_facts(const ks_vulkan_device& host);
+
+/// Returns the index of the chosen device. Throws KS_ERROR_NO_DEVICE with every device's reasons; `why_none` is the reason if the list is
+/// empty.
+size_t select_device(const std::vector<ks_device_info>& devices, const ks_device_desc& desc, const std::string& why_none);
+
 }  // namespace ks

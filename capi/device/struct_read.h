@@ -8,10 +8,19 @@
 #include <span>
 
 #include "device/error.h"
-#include "device/struct_info.h"
 #include "ks/header.h"
 
 namespace ks {
+
+/// The bytes of a struct that must be zero.
+struct ReservedBytes {
+  uint32_t offset;
+  uint32_t size;
+};
+
+/// The reserved bytes of a public struct, by the generated struct_table.h.
+template <class T>
+struct StructInfo;
 
 /// A public struct as this library was compiled with it.
 struct KnownStruct {

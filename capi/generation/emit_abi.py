@@ -48,7 +48,7 @@ def struct_table(tables: Tables, library: str) -> str:
     )
     text = [*banner(*structs, note="Bytes of the public structs that must be zero."),
             "// NOLINTBEGIN(bugprone-sizeof-expression): where a field is a pointer, its own size is meant",
-            "#pragma once", "", "#include <array>", "#include <cstddef>", "", '#include "device/struct_info.h"',
+            "#pragma once", "", "#include <array>", "#include <cstddef>", "", '#include "device/struct_read.h"',
             *(f'#include "{name}"' for name in public), "", "namespace ks {", ""]  # fmt: skip
     for s in structs:
         reserved = _reserved(s, tables)

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "device/text.h"
+#include "device/log_sink.h"
 #include "io/wire.h"
 
 namespace kuafu {

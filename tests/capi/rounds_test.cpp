@@ -18,7 +18,7 @@ size_t round_count(size_t most = 100000) { return std::getenv("ACTIVESTEREO_FULL
 
 /// Runs `round` so often after a tenth for warming up. The heap may end larger by `bytes_each` per round and what its caches hold.
 void expect_flat(const char* what, size_t rounds, const std::function<void()>& round) {
-  constexpr double caches_hold = 160 << 10;  // of which 80 KiB are the handles that are remembered (device/handle_memory.h)
+  constexpr double caches_hold = 160 << 10;  // of which 80 KiB are the handles that are remembered (device/handle.h)
   for (size_t i = 0; i < rounds / 10; ++i) round();
   const size_t files = open_files();
   const auto begin = static_cast<double>(heap_bytes());

@@ -7,7 +7,7 @@
 #include <type_traits>
 
 #include "device/error.h"
-#include "device/text.h"
+#include "device/log_sink.h"
 #include "io/wire_stream.h"
 #include "scene/rig.h"
 

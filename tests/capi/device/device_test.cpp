@@ -7,7 +7,6 @@
 
 #include "capi/device/devices.h"
 #include "capi/device/expect_error.h"
-#include "device/device_select.h"
 #include "device/physical.h"
 #include "device/thread_pool.h"
 
