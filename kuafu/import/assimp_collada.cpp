@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/assimp_collada.h"
+#include "import/assimp_files.h"
 
 #include <array>
 #include <pugixml.hpp>

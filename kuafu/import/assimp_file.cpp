@@ -9,9 +9,7 @@
 #include <new>
 
 #include "device/error.h"
-#include "import/assimp_collada.h"
 #include "import/assimp_files.h"
-#include "import/assimp_material.h"
 #include "import/phong_textures.h"
 
 namespace kuafu {
@@ -126,8 +124,6 @@ void place(Import& import, const aiScene& file, const Tables& tables) {
 }
 
 }  // namespace
-
-void read_scene_file(Import& import) { import_assimp(import); }
 
 void import_assimp(Import& import) {
   std::vector<uint8_t> bytes = import.folder.read_scene_file();

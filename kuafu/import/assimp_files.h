@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// assimp's door to the disk and its voice: files come through SceneFolder, messages become warnings of the import.
+// assimp's door to the disk and its voice: files come through SceneFolder, messages become warnings of the import; and its materials.
 #pragma once
 
+#include <assimp/material.h>
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <assimp/LogStream.hpp>
+#include <string_view>
 
 #include "import/import.h"
+#include "import/phong_material.h"
 
 namespace kuafu {
 
@@ -35,5 +38,13 @@ class WarningStream final : public Assimp::LogStream {
  private:
   Import& import_;
 };
+
+/// Converts assimp's material; warns of images that are not read.
+PhongMaterial phong_of(Import& import, const aiMaterial& from);
+
+/// Rewrites a Collada file so that assimp reads it correctly: in UTF-8, without blanks around numbers and names, without cameras, lights
+/// and animations, which are not shown. Throws KS_ERROR_FILE for an accessor that exceeds its array: assimp 5.2.5 trusts it, and then
+/// crashes or never returns.
+std::vector<uint8_t> plain_collada(Import& import, std::string_view file);
 
 }  // namespace kuafu

@@ -8,7 +8,7 @@
 #include <cstdio>
 
 #include "device/error.h"
-#include "io/load_options.h"
+#include "io/load.h"
 
 namespace kuafu {
 namespace {

@@ -18,7 +18,7 @@ class Budget {
 
   /// Limits claims but not the process, for tests.
   void limit_claims(uint64_t bytes) { limit_ = most_ = bytes; }
-  /// Raises the limit for a file of this size, by memory_per_file_byte (io/load_options.h).
+  /// Raises the limit for a file of this size, by memory_per_file_byte (io/load.h).
   void add_file(uint64_t file_bytes);
   /// Claims memory for `what`. Throws KS_ERROR_FILE with its name if all claims together exceed the limit.
   void claim(uint64_t bytes, const std::string& what);

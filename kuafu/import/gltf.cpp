@@ -7,7 +7,6 @@
 #include <glm/gtc/type_ptr.hpp>
 
 #include "device/error.h"
-#include "import/gltf_instancing.h"
 #include "import/gltf_material.h"
 #include "import/gltf_mesh.h"
 #include "import/gltf_rig.h"
@@ -297,8 +296,6 @@ class Nodes {
 };
 
 }  // namespace
-
-void read_scene_file(Import& import) { import_gltf(import); }
 
 void import_gltf(Import& import) {
   const tinygltf::Model model = read_gltf(import);

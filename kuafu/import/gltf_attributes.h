@@ -9,6 +9,7 @@
 #include "import/gltf_document.h"
 #include "import/gltf_draco.h"
 #include "import/import.h"
+#include "scene/rig.h"
 
 namespace kuafu {
 
@@ -47,5 +48,15 @@ class GltfAttributes {
   const std::string& field_;
   std::optional<DracoPrimitive> draco_;
 };
+
+/// Reads the tangents of `vertex_count` vertices (glTF 2.0 section 3.7.2.1). Empty if the material does not depend on them, or without
+/// normals, as the file's tangents must then be ignored.
+std::vector<glm::vec4> read_tangents(const GltfAttributes& attributes, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
+                                     size_t vertex_count, const std::string& field);
+/// Reads all sets of JOINTS_n and WEIGHTS_n (section 3.7.3.3); each vertex' weights sum to 1.
+std::vector<SkinWeights> read_skin_weights(const GltfAttributes& attributes, size_t vertex_count, const std::string& field);
+/// Reads POSITION, NORMAL and, if `tangents`, TANGENT of each morph target (section 3.7.2.2); warns of other attributes.
+std::vector<MorphTarget> read_targets(Import& import, const tinygltf::Model& model, const tinygltf::Primitive& primitive,
+                                      size_t vertex_count, bool tangents, const std::string& field);
 
 }  // namespace kuafu

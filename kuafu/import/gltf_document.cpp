@@ -10,8 +10,6 @@
 #include <string_view>
 
 #include "device/error.h"
-#include "import/gltf_members.h"
-#include "import/gltf_meshopt.h"
 #include "import/gltf_schema.h"
 
 namespace kuafu {

@@ -6,6 +6,7 @@
 #define TINYGLTF_NO_STB_IMAGE_WRITE
 #define TINYGLTF_NO_EXTERNAL_IMAGE
 #include <tiny_gltf.h>
+#include <nlohmann/json.hpp>
 
 #include "import/import.h"
 
@@ -17,5 +18,11 @@ tinygltf::Model read_gltf(Import& import);
 
 /// Percent-decodes a URI reference (RFC 3986, section 2.1).
 std::string decode_uri(const std::string& uri);
+
+/// Makes compressed views (EXT_meshopt_compression) in a file's JSON refer to their compressed bytes. Returns whether there were any.
+bool read_compressed_views(nlohmann::json& root);
+
+/// Decodes those views by libmeshoptimizer, each into a buffer of its own. Throws KS_ERROR_FILE with the view.
+void decode_meshopt(Budget& budget, tinygltf::Model& model);
 
 }  // namespace kuafu

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/gltf_instancing.h"
+#include "import/gltf_mesh.h"
 
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>

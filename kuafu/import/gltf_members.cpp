@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/gltf_members.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -7,7 +7,6 @@
 
 #include "device/error.h"
 #include "import/gltf_attributes.h"
-#include "import/gltf_vertices.h"
 
 namespace kuafu {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/gltf_meshopt.h"
+#include "import/gltf_document.h"
 
 #include <meshoptimizer.h>
 

@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import/import.h"
 
-#include <algorithm>
-#include <cctype>
-
 #include "device/log_sink.h"
 #include "io/wire.h"
 
 namespace kuafu {
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
 
 std::string clean_name(std::string_view name) { return ks::one_line(name, 200); }
 

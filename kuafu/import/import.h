@@ -33,15 +33,10 @@ struct Import {
   uint64_t unsaid_ = 0;
 };
 
-/// Returns a path's extension in lower case: ".gltf" of "A.GLTF".
-std::string lower_extension(const std::filesystem::path& path);
-
 /// Cleans a name that a file gives: one line of at most 200 bytes.
 std::string clean_name(std::string_view name);
 
-/// Reads the scene file; each helper program links its own definition. Errors name the field, and the host puts the file's path before
-/// them.
-void read_scene_file(Import& import);
+/// Read the scene file. Errors name the field, and the host puts the file's path before them.
 
 void import_gltf(Import& import);
 void import_assimp(Import& import);

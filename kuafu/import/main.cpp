@@ -44,7 +44,7 @@ bool confine(unsigned long seconds, pid_t host) {
 }
 
 void read(kuafu::Import& import) {
-  kuafu::read_scene_file(import);
+  kuafu::KUAFU_READER(import);
   const kuafu::Scene& scene = import.scene;
   if (scene.instances().empty() && scene.lights().empty() && scene.cameras().empty())
     ks::fail(KS_ERROR_FILE, "there is no mesh, light or camera in it%s%s", import.warnings.empty() ? "" : ": ",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "import/mtl.h"
+#include "import/phong_material.h"
 
 #include <algorithm>
 #include <optional>

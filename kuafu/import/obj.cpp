@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "import/mtl.h"
+#include "import/phong_material.h"
 #include "import/phong_textures.h"
 #include "import/polygons.h"
 #include "import/text.h"

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -42,5 +43,10 @@ Material colored_material();
 
 /// Decodes vertex colours, clamped to 0..1, as sRGB. Files do not state the encoding; scanners and editors write sRGB.
 glm::vec4 linear_color(const glm::vec4& srgb);
+
+/// Adds the materials of a library of OBJ files (Wavefront, Advanced Visualizer manual, chapter 5, with the physically based extension Pr,
+/// Pm, norm), or of several: `names` is one name with blanks, or a list. Warns of libraries that cannot be opened and
+/// of statements that are not rendered. Throws KS_ERROR_FILE with library and line for an invalid number.
+void read_mtl(Import& import, const std::string& names, std::map<std::string, PhongMaterial>& materials);
 
 }  // namespace kuafu

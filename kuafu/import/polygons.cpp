@@ -5,6 +5,7 @@
 
 #include "device/error.h"
 #include "import/phong_material.h"
+#include "io/load.h"
 
 namespace kuafu {
 namespace {
@@ -181,8 +182,6 @@ void add_polygons(Import& import, const Polygons& polygons) {
       "reconstruction",
       polygons.positions.size());
 }
-
-void read_scene_file(Import& import) { import_mesh(import); }
 
 void import_mesh(Import& import) {
   const std::vector<uint8_t> bytes = import.folder.read_scene_file();

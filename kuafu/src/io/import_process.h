@@ -8,10 +8,9 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <filesystem>
 #include <string>
 #include <vector>
-
-#include "io/load_options.h"
 
 namespace kuafu {
 

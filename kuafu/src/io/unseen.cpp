@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/unseen.h"
+#include "io/load.h"
 
 #include <algorithm>
 #include <cstring>
