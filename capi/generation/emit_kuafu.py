@@ -155,7 +155,7 @@ def copies_cpp(tables: Tables) -> str:
         for source, target, line in _ways(s):
             lines = [f"  {line(f)}" for f in s.fields if f.copy and not f.reserved]
             text += ["", f"void copy_fields(const {source}& s, {target}& out) {{", *lines, "}"]
-    includes = ['"api/fields.h"', "", '"api/lens.h"', '"device/field_check.h"', '"scene/matrix.h"']
+    includes = ['"api/descriptors.h"', "", '"device/field_check.h"']
     return cpp_file(banner(*copied, *checked), includes, text + check_functions(checked))
 
 

@@ -5,7 +5,6 @@
 #include <cstring>
 
 #include "device/error.h"
-#include "scene/matrix.h"
 #include "scene/validate.h"
 
 namespace kuafu {

@@ -2,9 +2,41 @@
 // Converts the C API's plain structs to the scene's types and back. Scene validates their content.
 #pragma once
 
+#include <algorithm>
+#include <glm/glm.hpp>
+
 #include "api/fields.h"
+#include "ks/lens.h"
+#include "scene/distortion.h"
 
 namespace kuafu {
+
+// Between the C API's row-major matrices and glm's column-major ones.
+template <int N>
+glm::mat<N, N, double> from_row_major(const double* rows) {
+  glm::mat<N, N, double> m;
+  for (int r = 0; r < N; ++r)
+    for (int c = 0; c < N; ++c) m[c][r] = rows[N * r + c];
+  return m;
+}
+
+template <int N>
+void to_row_major(const glm::mat<N, N, double>& m, double* rows) {
+  for (int r = 0; r < N; ++r)
+    for (int c = 0; c < N; ++c) rows[N * r + c] = m[c][r];
+}
+
+inline Distortion to_distortion(const ks_lens& lens) {
+  Distortion out{lens.model, {}};
+  std::ranges::copy(lens.distortion, out.k.begin());
+  return out;
+}
+
+inline ks_lens to_lens(const Distortion& distortion) {
+  ks_lens out{.model = distortion.model, .reserved = 0, .distortion = {}};
+  std::ranges::copy(distortion.k, out.distortion);
+  return out;
+}
 
 /// Converts an array [count][3] to vectors; NULL gives none.
 std::vector<glm::vec3> to_vectors(const float* values, uint32_t count);

@@ -11,7 +11,6 @@
 #include "device/struct_read.h"
 #include "device/struct_table.h"
 #include "render/renderer.h"
-#include "scene/matrix.h"
 #include "scene/validate.h"
 
 namespace kuafu {

@@ -4,6 +4,7 @@
 
 #include "device/device.h"
 #include "frame/launch.h"
+#include "gbuffer/gbuffer_light.h"
 #include "kuafu/kuafu.h"
 #include "scene/scene.h"
 
@@ -19,5 +20,8 @@ void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launc
 
 /// Throws if an id of the scene exceeds the format of the output that asks for it.
 void check_ids_fit(const Launch& launch, const Scene& scene);
+
+/// Reads and checks the caller's struct. Throws with the field and its value.
+GbufferLaunch read_gbuffers(const kuafu_gbuffer_desc* desc, const Scene& scene, const std::shared_ptr<ks::Device>& device);
 
 }  // namespace kuafu

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "api/fields.h"
-#include "api/gbuffers.h"
 #include "api/handles.h"
 #include "api/render_launch.h"
 #include "api/struct_table.h"

@@ -10,7 +10,6 @@
 #include "device/struct_read.h"
 #include "device/struct_table.h"
 #include "io/load.h"
-#include "scene/matrix.h"
 #include "scene/rig.h"
 #include "scene/table.h"
 

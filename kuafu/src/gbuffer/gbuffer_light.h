@@ -5,14 +5,28 @@
 
 #include <array>
 #include <memory>
+#include <vector>
 
+#include "device/thread_pool.h"
 #include "frame/frame.h"
 #include "frame/image_step.h"
-#include "gbuffer/pattern_stack.h"
+#include "scene/scene.h"
 #include "shared/gbuffer_record.h"
 #include "tables/scene_tables.h"
 
 namespace kuafu {
+
+/// A projector's pattern as pixels see it: means over a pixel's square and a beam's disc, for discs of several sizes
+/// (lib/pattern_mean.glsl).
+struct PatternStack {
+  std::vector<float> means;  // [level][height][width], with a border of one mean around the pattern
+  uint32_t width = 0, height = 0, levels = 0;
+  float step_px = 1.0f;
+};
+
+/// Makes the means of a pattern over discs of several diameters. pixel_px: a camera pixel's size on the pattern along u and v, in the
+/// pattern's pixels. most_diameter_px: the largest disc.
+PatternStack pattern_stack(const Texture& pattern, glm::dvec2 pixel_px, double most_diameter_px, ks::ThreadPool& workers);
 
 /// Images of one camera in all environments, packed; a null buffer is absent.
 struct GbufferImages {

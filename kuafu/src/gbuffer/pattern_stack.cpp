@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gbuffer/pattern_stack.h"
+#include "gbuffer/gbuffer_light.h"
 
 #include <algorithm>
 #include <bit>

@@ -4,7 +4,6 @@
 #include <array>
 #include <numbers>
 
-#include "material/facets.h"
 #include "shared/scene_records.h"
 
 namespace kuafu {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "material/facets.h"
 #include "shared/scene_records.h"
 
 namespace kuafu {

@@ -2,9 +2,9 @@
 #include "optics/optics.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
-#include "optics/gaussian.h"
 #include "scene/scene.h"
 #include "spirv/optics.h"
 #include "spirv/optics_psf.h"
@@ -22,11 +22,42 @@ bool same(const OpticsFields& a, const OpticsFields& b) { return std::memcmp(&a,
 bool spreads(const Optics& optics) { return optics.psf_sigma_px > 0.0 || optics.psf_corner_sigma_px > 0.0; }
 bool limits_fireflies(const Optics& optics) { return optics.firefly_factor > 0.0; }
 
+/// The Gaussian of the integers: exp(-t) I_n(t), whose variance is exactly t and whose blurs add up, unlike a sampled Gaussian's
+/// (Lindeberg, Scale-space for discrete signals, 1990). Returns the weights of the middle tap and `radius` taps on one side; both sides and
+/// the middle sum to 1. Miller's recurrence goes downwards from where I_n is negligible: I_{n-1} = I_{n+1} + 2 n / t I_n. Dividing by the
+/// sum removes its scale.
+std::vector<float> gaussian_kernel(double variance, uint32_t radius) {
+  std::vector<double> taps(radius + 1, 0.0);
+  taps[0] = 1.0;
+  double sum = 1.0;
+  if (variance > 1e-9) {
+    double above = 0.0, here = 1e-200;
+    sum = 0.0;
+    for (uint32_t n = 2 * radius + 40; n > 0; --n) {
+      const double below = above + 2.0 * n / variance * here;
+      if (n <= radius) sum += 2.0 * (taps[n] = here);
+      above = here;
+      here = below;
+      if (here < 1e200) continue;
+      for (double& tap : taps) tap *= 1e-300;
+      above *= 1e-300;
+      here *= 1e-300;
+      sum *= 1e-300;
+    }
+    sum += taps[0] = here;
+  }
+  std::vector<float> kernel;
+  kernel.reserve(taps.size());
+  for (const double tap : taps) kernel.push_back(float(tap / sum));
+  return kernel;
+}
+
 /// Puts the view's kernels behind `table` and says in `record` where they are.
 void add_kernels(const Optics& optics, OpticsRecord& record, std::vector<float>& table) {
   if (!spreads(optics)) return;
   const double middle = square(optics.psf_sigma_px), corner = square(optics.psf_corner_sigma_px);
-  record.psf_radius = gaussian_radius(middle + corner);
+  // Beyond lies 1e-6 of the light.
+  record.psf_radius = middle + corner > 0.0 ? uint32_t(std::ceil(5.0 * std::sqrt(middle + corner))) + 2 : 0;
   record.psf_kernels = uint32_t(table.size());
   record.psf_kernels_per_variance = corner > 0.0 ? float(varying_kernels / corner) : 0.0f;
   // There is one kernel more than intervals, and one that rounding in the corners may read.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "scene/keyframes.h"
+#include "scene/rig.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,16 +3,30 @@
 // objects that hang on them. Thread rule: pure data and functions.
 #pragma once
 
+#include <cstdint>
 #include <glm/glm.hpp>
 #include <glm/gtc/quaternion.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "scene/keyframes.h"
 #include "scene/scene.h"
 
 namespace kuafu {
+
+/// One animated property over time (glTF 2.0 section 3.11 and appendix C).
+struct Keyframes {
+  enum class Interpolation : uint32_t { linear, step, cubic_spline };
+  Interpolation interpolation = Interpolation::linear;
+  bool quaternion = false;     // x y z w, interpolated along the sphere
+  uint32_t width = 0;          // numbers of one value
+  std::vector<float> times_s;  // ascending
+  std::vector<float> values;   // a value for each time; cubic_spline: in-tangent, value, out-tangent
+};
+
+/// Computes the value, `width` numbers, at `time_s`. Before the first keyframe and after the last, theirs hold.
+void value_at(const Keyframes& keyframes, double time_s, std::span<double> out);
 
 /// The part of a node's pose that animations change.
 struct NodePose {

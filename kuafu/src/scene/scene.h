@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "scene/camera.h"
-#include "scene/change_log.h"
 #include "scene/dot_pattern.h"
 #include "scene/fields.h"
 #include "scene/table.h"

@@ -10,7 +10,7 @@
 #include "scene/scene.h"
 #include "shared/scene_records.h"
 #include "shared/wave.h"
-#include "tables/glass_bodies.h"
+#include "tables/beam_sources.h"
 #include "tables/instance_table.h"
 #include "tables/texture_tables.h"
 
