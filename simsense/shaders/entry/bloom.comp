@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Full wells that overflow into their column (cpu/signal/blooming.h): an invocation walks down and up one column.
+// Full wells that overflow into their column (cpu/signal/blooming.cpp): an invocation walks down and up one column.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared/signal_push.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/image.h"
+#include "cpu/frame.h"
 
 namespace simsense {
 

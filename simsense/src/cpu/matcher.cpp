@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "cpu/checks/median.h"
-#include "cpu/sgm/progress.h"
+#include "cpu/sgm/sgm.h"
 
 namespace simsense {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "depth/rays.h"
+#include "depth/depth.h"
 
-#include "rig/undistort.h"
+#include "rig/rig.h"
 
 namespace simsense {
 

@@ -7,7 +7,7 @@
 #include "device/device.h"
 #include "device/error.h"
 #include "device/interrupt.h"
-#include "stages/parameters.h"
+#include "stages/settings.h"
 #include "vulkan/calls.h"
 
 namespace simsense {

@@ -12,11 +12,40 @@
 
 #include "device/thread_pool.h"
 #include "ks/log.h"
-#include "match/choices.h"
 #include "parameters/match_fields.h"
+#include "shared/choices.h"
 #include "shared/detection_push.h"
 
 namespace simsense {
+
+// The matcher's choices and reasons have the public header's numbers.
+/// The pixels of the window that a census word compares.
+enum class CensusKind : uint8_t {
+  center_symmetric = CENSUS_CENTER_SYMMETRIC,  // each pixel with its mirror through the centre: half the bits
+  plain = CENSUS_PLAIN,                        // each pixel with the centre
+};
+
+/// How a match is placed between whole disparities, from the costs at winner - 1, winner and winner + 1.
+enum class Subpixel : uint8_t {
+  none = SUBPIXEL_NONE,
+  parabola = SUBPIXEL_PARABOLA,  // vertex of the parabola through the aggregated costs, as the published SimSense; pulls towards whole
+                                 // pixels by up to 0.2
+  equiangular = SUBPIXEL_EQUIANGULAR,  // apex of the V through the block's costs; through the aggregated ones where the block is 1x1 or has
+                                       // no minimum there
+  equiangular_summed = SUBPIXEL_EQUIANGULAR_SUMMED,  // through the aggregated ones everywhere: less noise, more pull
+  lucas_kanade = SUBPIXEL_LUCAS_KANADE,  // the same, and after the median the counts themselves decide (match/refine.h): no pull
+};
+
+/// The value that an invalid pixel takes from its row (cpu/checks/checks.h).
+enum class HoleFilling : uint8_t {
+  keep = HOLES_KEEP,
+  left = HOLES_LEFT,              // the valid pixel to the left: what a left camera's occlusions border on
+  background = HOLES_BACKGROUND,  // the farther of the valid pixels to the left and right; either alone at the image's border (the
+                                  // interpolation of the KITTI stereo benchmark's development kit: Geiger, Lenz, Urtasun, CVPR 2012)
+};
+
+/// Why a pixel has no measurement. A matcher knows the first five.
+enum class MatchReason : uint8_t { MATCH_REASONS };
 
 /// Parameters of a matcher: those of simsense_parameters, already checked. MatchFields holds the ones that keep name and value; the others
 /// follow here.
@@ -130,5 +159,15 @@ class Matcher {
 
 std::unique_ptr<Matcher> make_reference_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters);
 std::unique_ptr<Matcher> make_cpu_matcher(uint32_t width, uint32_t height, const MatchParameters& parameters, ks::ThreadPool& workers);
+
+/// A rectangle of pixels, [x0, x1) x [y0, y1), of the rectified left image.
+struct Region {
+  uint32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  bool operator==(const Region&) const = default;
+};
+
+/// Returns the part of an image that must be matched for a region's disparities: the region, the columns that its disparities reach, and a
+/// margin for the paths.
+Region reach(const Region& region, const MatchParameters& parameters, uint32_t width, uint32_t height);
 
 }  // namespace simsense

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "match/region.h"
+#include "match/matcher.h"
 
 #include <algorithm>
 #include <utility>

@@ -5,9 +5,10 @@
 #include <limits>
 
 #include "device/error.h"
+#include "ks/lens.hpp"
 #include "rectify/stereo_rectify.h"
+#include "rig/rig.h"
 #include "rig/rotation.h"
-#include "rig/undistort.h"
 
 namespace simsense {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "rig/rig.h"
 #include "rig/rotation.h"
-#include "rig/undistort.h"
 
 namespace simsense {
 namespace {

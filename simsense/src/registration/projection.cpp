@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-#include "rig/undistort.h"
+#include "ks/lens.hpp"
+#include "rig/rig.h"
 
 namespace simsense {
 namespace {

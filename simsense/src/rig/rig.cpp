@@ -6,6 +6,7 @@
 
 #include "device/error.h"
 #include "device/field_check.h"
+#include "ks/lens.hpp"
 
 namespace simsense {
 namespace {
@@ -61,6 +62,10 @@ void check_rigid(const double m[16], const char* name) {
     }
   const double determinant = m[0] * (m[5] * m[10] - m[6] * m[9]) - m[1] * (m[4] * m[10] - m[6] * m[8]) + m[2] * (m[4] * m[9] - m[5] * m[8]);
   if (determinant < 0) ks::fail(KS_ERROR_INVALID_ARGUMENT, "%s: its rotation has determinant %g, must be 1: it mirrors", name, determinant);
+}
+
+Normalised without_lens(const simsense_camera& camera, double u, double v) {
+  return {(u - camera.k[2]) / camera.k[0], (v - camera.k[5]) / camera.k[4]};
 }
 
 }  // namespace
@@ -120,6 +125,26 @@ void check_rig(const simsense_rig_desc& rig) {
   if (rig.back_end > SIMSENSE_BACK_END_VULKAN)
     ks::fail(KS_ERROR_INVALID_ARGUMENT, "back_end is %u: must be auto (0), cpu (1) or vulkan (2)", rig.back_end);
   if (rig.batch_count < 1) ks::fail(KS_ERROR_INVALID_ARGUMENT, "batch_count is %u: must be at least 1", rig.batch_count);
+}
+
+Normalised ray_of_pixel(const simsense_camera& camera, double u, double v) {
+  const Normalised seen = without_lens(camera, u, v);
+  const ks::LensRay ray = ks::undistorted(camera.lens, seen[0], seen[1]);
+  return ray.exists ? Normalised{ray.x, ray.y} : seen;
+}
+
+Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps) {
+  if (camera.lens.model == KS_LENS_KANNALA_BRANDT) return ray_of_pixel(camera, u, v);
+  const Normalised seen = without_lens(camera, u, v);
+  auto [x, y] = seen;
+  for (int step = 0; step < steps; ++step) {
+    const double factor = ks::lens_factor(camera.lens, x * x + y * y).value;
+    if (!(factor > 0)) return seen;
+    const ks::LensShift shift = ks::lens_shift(camera.lens, x, y);
+    x = (seen[0] - shift.x) / factor;
+    y = (seen[1] - shift.y) / factor;
+  }
+  return {x, y};
 }
 
 }  // namespace simsense

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stereo rig as the stages use it: pinholes, rigid transforms, and the checks of a simsense_rig_desc.
+// The stereo rig as the stages use it: pinholes, the rays of their lenses' pixels (ks/lens.hpp), rigid transforms, and the checks of a
+// simsense_rig_desc.
 #pragma once
 
 #include <array>
@@ -33,5 +34,15 @@ double rotation_angle(const Rotation& r);
 
 /// Throws KS_ERROR_INVALID_ARGUMENT for an invalid rig, with the field and its value.
 void check_rig(const simsense_rig_desc& rig);
+
+/// Normalised coordinates, x / z and y / z of a ray.
+using Normalised = std::array<double, 2>;
+
+/// Returns a pixel's ray by Newton's method. Where the lens has folded back there is none; the pixel's ray without a lens is then returned.
+Normalised ray_of_pixel(const simsense_camera& camera, double u, double v);
+
+/// Returns a pixel's ray by `steps` fixed-point steps ray <- (pixel - tangential) / radial (Heikkila and Silven, A four-step camera
+/// calibration procedure, CVPR 1997). OpenCV's undistortPoints takes five. A fisheye lens uses ray_of_pixel().
+Normalised ray_of_pixel_by_steps(const simsense_camera& camera, double u, double v, int steps);
 
 }  // namespace simsense

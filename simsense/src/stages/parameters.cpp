@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "stages/parameters.h"
+#include "stages/settings.h"
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 #include "device/error.h"
 #include "parameters/fields.h"
@@ -48,11 +47,9 @@ void check_region(const simsense_parameters& p, uint32_t width, uint32_t height)
 
 MatchParameters match_parameters(const simsense_parameters& p) {
   MatchParameters m{match_fields(p)};
-  m.census_kind = p.census_kind == SIMSENSE_CENSUS_PLAIN ? CensusKind::plain : CensusKind::center_symmetric;
+  m.census_kind = static_cast<CensusKind>(p.census_kind);
   m.census_contrast_256ths = std::min(255u, static_cast<uint32_t>(std::lround(p.census_contrast * 256.0f)));
-  constexpr Subpixel steps[] = {Subpixel::none, Subpixel::parabola, Subpixel::equiangular, Subpixel::equiangular_summed,
-                                Subpixel::lucas_kanade};
-  m.subpixel = steps[std::min<size_t>(p.subpixel, std::size(steps) - 1)];
+  m.subpixel = static_cast<Subpixel>(p.subpixel);
   return m;
 }
 

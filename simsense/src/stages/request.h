@@ -9,7 +9,6 @@
 #include "image/frame.h"
 #include "image/layout.h"
 #include "ks/log.h"
-#include "stages/prepared_rig.h"
 #include "stages/settings.h"
 
 namespace simsense {

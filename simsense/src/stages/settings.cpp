@@ -5,8 +5,6 @@
 
 #include "match/detection.h"
 
-#include "stages/parameters.h"
-
 namespace simsense {
 namespace {
 
@@ -41,7 +39,21 @@ DetectionNoise noise_of(const Imager (&imagers)[2], const simsense_parameters& p
                          left.least + right.least, detection_mean_side(window));
 }
 
+const simsense_rig_desc& checked(const simsense_rig_desc& rig) {
+  check_rig(rig);
+  return rig;
+}
+
+PixelRays point_rays(const simsense_rig_desc& rig, const StereoGeometry& geometry) {
+  return rig.rgb.width ? PixelRays(rig.rgb) : PixelRays(geometry.camera, rig.left.width, rig.left.height);
+}
+
 }  // namespace
+
+PreparedRig::PreparedRig(const simsense_rig_desc& desc)
+    : rig(checked(desc)), rectification(make_rectification(rig)), rays(point_rays(rig, rectification.geometry)) {
+  if (rig.rgb.width) rgb.emplace(rig, rectification.geometry);
+}
 
 Region wanted_region(const simsense_parameters& p, uint32_t width, uint32_t height) {
   if (p.roi_width == 0) return {0, 0, width, height};

@@ -2,17 +2,34 @@
 // The settings of one call's stages: rules that follow from rig, parameters and imagers, computed once for both back ends. Plain values.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "checks/checks.h"
 #include "depth/depth.h"
-#include "match/region.h"
+#include "match/matcher.h"
+#include "rectify/rectification.h"
+#include "registration/projection.h"
 #include "signal/imager.h"
 #include "signal/key.h"
 #include "simsense/simsense.h"
-#include "stages/prepared_rig.h"
 
 namespace simsense {
+
+/// The rig's data for all stages, computed once. Thread rule: immutable.
+struct PreparedRig {
+  /// Throws KS_ERROR_INVALID_ARGUMENT for an invalid rig, with the field and its value.
+  explicit PreparedRig(const simsense_rig_desc& rig);
+
+  simsense_rig_desc rig;
+  Rectification rectification;
+  std::optional<RgbProjection> rgb;  // where the rig has an RGB camera
+  PixelRays rays;                    // of the points' camera: the RGB one, else the rectified left one
+
+  [[nodiscard]] uint32_t width() const { return rig.left.width; }
+  [[nodiscard]] uint32_t height() const { return rig.left.height; }
+  [[nodiscard]] size_t pixels() const { return size_t{width()} * height(); }
+};
 
 struct StageSettings {
   /// parameters must have been checked. imagers must outlive this.
@@ -50,5 +67,14 @@ struct StageSettings {
 
 /// The region of interest; the whole image if there is none.
 Region wanted_region(const simsense_parameters& parameters, uint32_t width, uint32_t height);
+
+/// Throws KS_ERROR_INVALID_ARGUMENT for the first invalid parameter, with name, value and range.
+void check_parameters(const simsense_parameters& parameters);
+
+/// Throws KS_ERROR_INVALID_ARGUMENT if the region of interest does not lie in an image of this size.
+void check_region(const simsense_parameters& parameters, uint32_t width, uint32_t height);
+
+MatchParameters match_parameters(const simsense_parameters& parameters);
+DepthRange depth_range(const simsense_parameters& parameters);
 
 }  // namespace simsense

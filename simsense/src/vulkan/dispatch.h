@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Workgroups of the per-pixel stages, and references to later images of a batch.
+// Workgroups of the per-pixel stages, their buffers, and references to later images of a batch.
 #pragma once
 
+#include <memory>
+#include <vector>
+
+#include "device/buffer.h"
 #include "device/compute.h"
 #include "shared/image_ref.h"
 
@@ -22,6 +26,17 @@ inline uint64_t address_of(const ImageRef& packed) { return packed.address + uin
 inline ImageRef later_image(ImageRef image, uint32_t n) {
   image.first += n * static_cast<uint32_t>(image.batch_stride);
   return image;
+}
+
+inline std::shared_ptr<ks::Buffer> upload(const std::shared_ptr<ks::Device>& device, const std::vector<float>& values) {
+  auto buffer = ks::Buffer::create(device, values.size() * sizeof(float), 0);
+  buffer->write(0, values.data(), values.size() * sizeof(float));
+  return buffer;
+}
+
+/// Makes the buffer hold at least `bytes`; a larger one is kept.
+inline void reserve(const std::shared_ptr<ks::Device>& device, std::shared_ptr<ks::Buffer>& buffer, uint64_t bytes) {
+  if (!buffer || buffer->size_bytes() < bytes) buffer = ks::Buffer::create(device, bytes, 0);
 }
 
 }  // namespace simsense

@@ -3,8 +3,10 @@
 // copy in memory that both see. Thread rule: externally synchronised.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "image/frame.h"
 #include "image/layout.h"
 #include "image/view.h"
 #include "shared/image_ref.h"
@@ -52,5 +54,17 @@ class DeviceImage {
   uint64_t begin_ = 0;         // lowest byte in the buffer
   ptrdiff_t first_ = 0;        // element (0, 0, 0), from there on
 };
+
+using DeviceFrame = FrameOf<DeviceImage>;
+
+inline ImageRef ref_or_none(const std::optional<DeviceImage>& image, const Pairs& pairs) {
+  return image ? image->ref(pairs.first) : ImageRef{};
+}
+
+/// Returns the image if a stage can use it as its own array: packed, and of the stage's format; else nothing.
+inline std::optional<ImageRef> packed_ref(const std::optional<DeviceImage>& image, const Pairs& pairs, uint32_t format) {
+  if (!image || image->format() != format || !image->is_packed()) return std::nullopt;
+  return image->ref(pairs.first);
+}
 
 }  // namespace simsense

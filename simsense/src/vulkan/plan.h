@@ -4,6 +4,8 @@
 #pragma once
 
 #include <algorithm>
+#include <initializer_list>
+#include <vector>
 
 #include "device/device.h"
 #include "match/matcher.h"
@@ -64,5 +66,25 @@ struct MatchPlan {
 
 MatchPlan make_match_plan(const ks::Device& device, uint32_t width, uint32_t height, uint32_t batch, const MatchParameters& parameters,
                           const MatchTuning& tuning);
+
+// The specialisation constants of lib/lanes.glsl, which the cost, path and winner stages share.
+using Constants = std::vector<uint32_t>;
+
+inline Constants lane_constants(const MatchPlan& plan, const MatchParameters& p, uint32_t group, uint32_t steps,
+                                std::initializer_list<uint32_t> more) {
+  Constants constants{group,
+                      plan.path_lanes,
+                      plan.lane_disparities,
+                      plan.subgroup_lanes,
+                      plan.sum_bytes,
+                      steps,
+                      static_cast<uint32_t>(p.subpixel),
+                      plan.stored_costs ? 1u : 0u,
+                      p.path_count,
+                      plan.census_words,
+                      p.p2_full_gradient_dn > 0 ? 1u : 0u};
+  constants.insert(constants.end(), more);
+  return constants;
+}
 
 }  // namespace simsense

@@ -16,7 +16,7 @@
 #include "device/thread_pool.h"
 #include "rectify/rectification.h"
 #include "rectify/stereo_rectify.h"
-#include "rig/undistort.h"
+#include "rig/rig.h"
 #include "simsense/reference/camera.h"
 #include "simsense/rig_samples.h"
 

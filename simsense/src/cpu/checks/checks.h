@@ -7,7 +7,6 @@
 
 #include "checks/checks.h"
 #include "match/matcher.h"
-#include "match/region.h"
 #include "rectify/rectification.h"
 
 namespace simsense {

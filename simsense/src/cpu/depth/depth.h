@@ -4,7 +4,6 @@
 #pragma once
 
 #include "depth/depth.h"
-#include "depth/rays.h"
 #include "device/thread_pool.h"
 #include "image/view.h"
 #include "rectify/rectification.h"

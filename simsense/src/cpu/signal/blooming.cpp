@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/signal/blooming.h"
+#include "cpu/signal/imager.h"
 
 #include <algorithm>
 #include <array>

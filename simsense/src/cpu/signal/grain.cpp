@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cpu/signal/grain.h"
+#include "cpu/signal/imager.h"
 
 #include "cpu/signal/rows.h"
 #include "signal/imager.h"

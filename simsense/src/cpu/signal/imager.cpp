@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <optional>
 
-#include "cpu/signal/blooming.h"
-#include "cpu/signal/grain.h"
 #include "cpu/signal/rows.h"
 #include "cpu/simd/buffer.h"
 #include "device/error.h"

@@ -11,7 +11,6 @@
 #include "spirv/speckle_tile.h"
 #include "spirv/texture.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/upload.h"
 
 namespace simsense {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "spirv/block_cost.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/lane_constants.h"
+#include "vulkan/plan.h"
 
 namespace simsense {
 

@@ -5,7 +5,6 @@
 
 #include "spirv/depth.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/upload.h"
 
 namespace simsense {
 namespace {

@@ -6,7 +6,7 @@
 #include "spirv/detection_bare.h"
 #include "spirv/high_pass.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/lane_constants.h"
+#include "vulkan/plan.h"
 
 namespace simsense {
 

@@ -3,7 +3,6 @@
 
 #include "spirv/remap.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/upload.h"
 
 namespace simsense {
 

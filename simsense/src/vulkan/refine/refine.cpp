@@ -6,7 +6,7 @@
 #include "spirv/refine_cells.h"
 #include "spirv/refine_move.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/lane_constants.h"
+#include "vulkan/plan.h"
 
 namespace simsense {
 

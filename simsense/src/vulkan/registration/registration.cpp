@@ -6,7 +6,6 @@
 #include "spirv/resolve.h"
 #include "spirv/splat.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/upload.h"
 
 namespace simsense {
 namespace {

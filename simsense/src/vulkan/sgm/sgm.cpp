@@ -8,7 +8,7 @@
 #include "spirv/paths_half.h"
 #include "spirv/paths_integer.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/lane_constants.h"
+#include "vulkan/plan.h"
 
 namespace simsense {
 namespace {

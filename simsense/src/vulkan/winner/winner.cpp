@@ -4,7 +4,7 @@
 #include "spirv/winner_packed.h"
 #include "spirv/winner_wide.h"
 #include "vulkan/dispatch.h"
-#include "vulkan/lane_constants.h"
+#include "vulkan/plan.h"
 
 namespace simsense {
 namespace {
