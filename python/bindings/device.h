@@ -46,18 +46,13 @@ class Device {
     check<Api>(Api::device_get_info(get(), &info.c));
     return info;
   }
-  [[nodiscard]] uint64_t copied_bytes() const {
+  /// Bytes that the library counts; count: a function of the C interface.
+  template <auto count>
+  [[nodiscard]] uint64_t bytes() const {
     uint64_t bytes = 0;
-    check<Api>(Api::device_copied_bytes(get(), &bytes));
+    check<Api>(count(get(), &bytes));
     return bytes;
   }
-
-  [[nodiscard]] uint64_t allocated_bytes() const {
-    uint64_t bytes = 0;
-    check<Api>(Api::device_allocated_bytes(get(), &bytes));
-    return bytes;
-  }
-
   /// A ks_vulkan_device of this device, which must outlive its users.
   [[nodiscard]] py::capsule lend() const {
     auto lent = std::make_unique<ks_vulkan_device>(ks_vulkan_device_init());
@@ -175,8 +170,8 @@ void bind_device(py::module_& module) {
       .def_static("enumerate", &D::enumerate, doc("Device.enumerate"))
       .def_property_readonly("info", &D::info)
       .def("_lend", &D::lend, doc("Device._lend"))
-      .def_property_readonly("copied_bytes", &D::copied_bytes, doc("Device.copied_bytes"))
-      .def_property_readonly("allocated_bytes", &D::allocated_bytes, doc("Device.allocated_bytes"));
+      .def_property_readonly("copied_bytes", &D::template bytes<Api::device_copied_bytes>, doc("Device.copied_bytes"))
+      .def_property_readonly("allocated_bytes", &D::template bytes<Api::device_allocated_bytes>, doc("Device.allocated_bytes"));
 }
 
 }  // namespace ks_python

@@ -95,12 +95,7 @@ void check(ks_status status) {
 /// lock back though it needs the GIL first (a log callback).
 template <class Api, class Call>
 void check_unlocked(const Call& call) {
-  ks_status status;
-  {
-    const Unlocked nogil;
-    status = call();
-  }
-  check<Api>(status);
+  check<Api>(unlocked(call));
 }
 
 template <class Api>

@@ -46,6 +46,13 @@ class Unlocked {
   PyThreadState* state_;
 };
 
+/// What call() returns; other Python threads run meanwhile.
+template <class Call>
+auto unlocked(const Call& call) {
+  const Unlocked nogil;
+  return call();
+}
+
 /// While it lives, this thread, of Python's or of the library's, runs Python.
 class Locked {
  public:

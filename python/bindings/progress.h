@@ -18,11 +18,7 @@ class Progress {
   void check(Desc& desc, const Call& call) {
     desc.progress = &Progress::tell;
     desc.progress_user = this;
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = call();
-    }
+    const ks_status status = unlocked(call);
     if (raised_) std::rethrow_exception(raised_);
     ks_python::check<Api>(status);
   }

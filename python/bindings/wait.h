@@ -25,11 +25,8 @@ double seconds_to_wait(std::optional<double> timeout_s) {
 template <class Api, class Wait>
 bool wait_in_slices(double timeout_s, const Wait& wait) {
   for (double left_s = timeout_s;; left_s -= wait_slice_s) {
-    ks_status status;
-    {
-      const Unlocked nogil;
-      status = wait(static_cast<uint64_t>(1e9 * std::clamp(left_s, 0.0, wait_slice_s)));
-    }
+    const auto slice_ns = static_cast<uint64_t>(1e9 * std::clamp(left_s, 0.0, wait_slice_s));
+    const ks_status status = unlocked([&] { return wait(slice_ns); });
     if (status != KS_ERROR_TIMEOUT) {
       check<Api>(status);
       return true;
@@ -55,11 +52,7 @@ Outcome run_interruptibly(const Call& call, const Cancel& cancel) {
   });
   bool interrupted = false;
   for (;;) {
-    std::future_status now;
-    {
-      const Unlocked nogil;
-      now = running.wait_for(std::chrono::duration<double>(wait_slice_s));
-    }
+    const auto now = unlocked([&] { return running.wait_for(std::chrono::duration<double>(wait_slice_s)); });
     if (now == std::future_status::ready) break;
     interrupted = interrupted || PyErr_CheckSignals() != 0;
     if (interrupted) (void)cancel();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Material, Light, Camera, Optics and Medium as Python sees them: the C descriptor and the memory it points to.
+// Scene, and Material, Light, Camera, Optics and Medium as Python sees them: the C descriptor and the memory it points to. Thread rule: one
+// thread at a time may use a scene; a second call is refused.
 #pragma once
 
 #include <vector>
@@ -45,6 +46,15 @@ struct Medium {
 
 inline std::string text_of(const char* name) { return name ? name : ""; }
 
-inline uint32_t environment_of(const std::optional<uint32_t>& environment) { return environment.value_or(KUAFU_ALL_ENVIRONMENTS); }
+class Scene {
+ public:
+  explicit Scene(std::shared_ptr<Device<Kuafu>> device) : device(std::move(device)) {
+    check<Kuafu>(kuafu_scene_create(this->device->get(), handle.put()));
+  }
+  [[nodiscard]] kuafu_scene get() const { return handle.get(); }
+
+  std::shared_ptr<Device<Kuafu>> device;
+  Handle<kuafu_scene, kuafu_scene_release> handle;
+};
 
 }  // namespace ks_python

@@ -7,7 +7,7 @@
 #include "bindings/wait.h"
 #include "fields.h"
 #include "options.h"
-#include "scene.h"
+#include "records.h"
 
 namespace ks_python {
 namespace {

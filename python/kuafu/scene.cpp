@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene: what kuafu_scene_* do, with numpy arrays.
-#include "scene.h"
+#include "records.h"
 
 #include "bindings/wait.h"
 #include "fields.h"
@@ -162,7 +162,7 @@ uint32_t add_instance(Scene& scene, uint32_t mesh, const std::vector<uint32_t>& 
                       const Vector3& linear_velocity, const Vector3& angular_velocity) {
   kuafu_instance_desc instance = kuafu_instance_desc_init(id_of(mesh));
   instance.name = name.c_str();
-  instance.environment = environment_of(environment);
+  instance.environment = environment.value_or(KUAFU_ALL_ENVIRONMENTS);
   const std::vector<uint32_t> ids = ids_of(materials);
   instance.materials = ids.data();
   instance.material_count = static_cast<uint32_t>(ids.size());
@@ -181,9 +181,7 @@ void set_instance_pose(Scene& scene, uint32_t id, const py::object& local_to_wor
   check<Kuafu>(kuafu_scene_set_instance_pose(scene.get(), id_of(id), pose));
 }
 
-using Matrices = py::array_t<double, py::array::c_style | py::array::forcecast>;
-
-void set_instance_poses(Scene& scene, const py::object& given_ids, const Matrices& local_to_world) {
+void set_instance_poses(Scene& scene, const py::object& given_ids, const Doubles& local_to_world) {
   const std::optional<Indices> given = whole_numbers(given_ids, "ids");
   const uint32_t* numbers = rows(given, "ids", 1, -1);
   const bool shaped = local_to_world.ndim() == 3 && local_to_world.shape(1) == 4 && local_to_world.shape(2) == 4;

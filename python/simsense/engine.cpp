@@ -51,12 +51,6 @@ simsense_image host_image(py::array array, uint32_t batch_count, const char* wha
   return image;
 }
 
-simsense_camera read_camera(const py::object& camera) {
-  simsense_camera out = {};
-  if (camera.is_none()) return out;
-  return read_as<Simsense, simsense_camera>(camera, "rgb", "a simsense.Camera or None");
-}
-
 py::array_t<float> analogue(const py::object& signal, const py::array_t<float, py::array::c_style | py::array::forcecast>& light,
                             uint64_t seed, uint64_t frame_index, uint32_t side) {
   if (light.ndim() != 2) raise_argument<Simsense>("light must be [height, width]");
@@ -77,7 +71,7 @@ class Engine {
     device_ = py::cast<std::shared_ptr<Device<Simsense>>>(device);
     rig_.left = read_as<Simsense, simsense_camera>(left, "left", "a simsense.Camera");
     rig_.right = read_as<Simsense, simsense_camera>(right, "right", "a simsense.Camera");
-    rig_.rgb = read_camera(rgb);
+    if (!rgb.is_none()) rig_.rgb = read_as<Simsense, simsense_camera>(rgb, "rgb", "a simsense.Camera or None");
     read_required_matrix<Simsense>(left_to_right, "left_to_right", rig_.left_to_right, 16);
     read_matrix<Simsense>(left_to_rgb, "left_to_rgb", rig_.left_to_rgb, 16);
     Settings settings;
@@ -100,7 +94,7 @@ class Engine {
   void set_parameters(const py::kwargs& changes) {
     const Settings old = settings();
     Settings s = old;
-    s.change(changes);
+    for (const auto& [key, value] : changes) s.change(py::str(key), value);
     check<Simsense>(simsense_engine_set_signal(get(), &s.left, &s.right));
     try {
       check<Simsense>(simsense_engine_set_parameters(get(), &s.parameters));
@@ -358,7 +352,11 @@ void bind_engine(py::module_& module) {
       doc("default_parameters"));
   module.def(
       "signal_preset",
-      [](const py::object& name) { return get_signal(signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name"))); },
+      [](const py::object& name) {
+        simsense_signal signal = simsense_signal_init();
+        check<Simsense>(simsense_signal_preset(read_as<Simsense, std::string>(name, "name", "a preset's name").c_str(), &signal));
+        return get_signal(signal);
+      },
       py::arg("name"), doc("signal_preset"));
   module.def("signal_analogue", &analogue, py::arg("signal"), py::arg("light"), py::kw_only(), py::arg("seed") = 0,
              py::arg("frame_index") = 0, py::arg("side") = 0, doc("signal_analogue"));

@@ -22,12 +22,6 @@ inline py::dict get_signal(const simsense_signal& signal) {
   return out;
 }
 
-inline simsense_signal signal_preset(const std::string& name) {
-  simsense_signal signal = simsense_signal_init();
-  check<Simsense>(simsense_signal_preset(name.c_str(), &signal));
-  return signal;
-}
-
 /// All settings of an engine that may change between frames.
 struct Settings {
   simsense_parameters parameters = simsense_parameters_init();
@@ -39,9 +33,6 @@ struct Settings {
     if (!set_field<Simsense>(left, signal_fields, name, value))
       throw py::type_error("simsense has no parameter '" + name + "'; see help(simsense.Engine)");
     set_field<Simsense>(right, signal_fields, name, value);
-  }
-  void change(const py::kwargs& changes) {
-    for (const auto& [key, value] : changes) change(py::str(key), value);
   }
 };
 
