@@ -2,6 +2,7 @@
 #include "import/gltf_accessor.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "device/error.h"
@@ -55,26 +56,13 @@ uint32_t load_index(const uint8_t* at, int component_type) {
 }
 
 size_t component_bytes(int component_type, bool index, const std::string& field) {
-  switch (component_type) {
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
-      return 1;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
-      return 2;
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-      return 4;
-    case TINYGLTF_COMPONENT_TYPE_BYTE:
-      if (!index) return 1;
-      break;
-    case TINYGLTF_COMPONENT_TYPE_SHORT:
-      if (!index) return 2;
-      break;
-    case TINYGLTF_COMPONENT_TYPE_FLOAT:
-      if (!index) return 4;
-      break;
-    default:
-      break;
-  }
-  ks::fail(KS_ERROR_FILE, "%s: component type %d is not allowed here", field.c_str(), component_type);
+  constexpr std::array allowed{TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
+                               TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT,  TINYGLTF_COMPONENT_TYPE_BYTE,
+                               TINYGLTF_COMPONENT_TYPE_SHORT,         TINYGLTF_COMPONENT_TYPE_FLOAT};
+  const auto end = allowed.begin() + (index ? 3 : 6);  // indices are unsigned
+  if (std::find(allowed.begin(), end, component_type) == end)
+    ks::fail(KS_ERROR_FILE, "%s: component type %d is not allowed here", field.c_str(), component_type);
+  return static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(component_type)));
 }
 
 /// Element i stands at data + i * stride; all `count` elements of `element_bytes` are inside the view.

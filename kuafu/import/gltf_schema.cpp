@@ -117,7 +117,6 @@ GltfObject object_of(const Row& row) {
 // tinygltf keeps indices in an int and counts of bytes in a size_t; what does not fit would wrap around in silence.
 bool is_below(const json& value, uint64_t limit) { return value.is_number_unsigned() && value.get<uint64_t>() < limit; }
 bool is_index(const json& value) { return is_below(value, uint64_t{1} << 31); }
-bool is_size(const json& value) { return is_below(value, uint64_t{1} << 48); }
 
 /// "number[3]" as {"number", "3"}.
 std::pair<std::string_view, std::string_view> parts_of(std::string_view kind) {
@@ -133,7 +132,7 @@ bool matches(const json& value, std::string_view kind) {
   }
   if (kind == "number") return value.is_number();
   if (kind == "index") return is_index(value);
-  if (kind == "size") return is_size(value);
+  if (kind == "size") return is_below(value, uint64_t{1} << 48);
   if (kind == "text") return value.is_string();
   if (kind == "flag") return value.is_boolean();
   return kind == "array" ? value.is_array() : value.is_object();

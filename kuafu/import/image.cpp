@@ -22,18 +22,14 @@ Decoder decoder_of(std::span<const uint8_t> bytes) {
   return nullptr;
 }
 
-bool begins_with(std::span<const uint8_t> bytes, std::string_view text) {
-  return bytes.size() >= text.size() &&
-         std::equal(text.begin(), text.end(), bytes.begin(), [](char a, uint8_t b) { return uint8_t(a) == b; });
-}
-
 /// The name of a format that is known and not read; nullptr: none of those.
 const char* unread_format(std::span<const uint8_t> bytes) {
   static constexpr std::pair<std::string_view, const char*> first_bytes[] = {
       {"\xabKTX ", "KTX"}, {"DDS ", "DDS"}, {"II*", "TIFF"}, {{"MM\0*", 4}, "TIFF"}, {"GIF8", "GIF"}, {"8BPS", "Photoshop"},
   };
+  const std::string_view file(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   for (const auto& [first, format] : first_bytes)
-    if (begins_with(bytes, first)) return format;
+    if (file.starts_with(first)) return format;
   return nullptr;
 }
 
