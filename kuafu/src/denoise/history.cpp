@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "denoise/history.h"
+#include "denoise/denoiser.h"
 
 #include <utility>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "light/light_record.h"
+#include "light/light_table.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "light/light_record.h"
-
 namespace kuafu {
 namespace {
 

@@ -12,7 +12,6 @@
 #include "frame/launch.h"
 #include "pathtrace/splats.h"
 #include "pathtrace/wave.h"
-#include "tables/aov_tables.h"
 #include "tables/scene_tables.h"
 
 namespace kuafu {

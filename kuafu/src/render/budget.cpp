@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/budget.h"
+#include "render/render_run.h"
 
 #include <algorithm>
 #include <cmath>

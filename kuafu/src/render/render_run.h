@@ -3,17 +3,18 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <string>
 
 #include "denoise/denoiser.h"
+#include "device/buffer.h"
 #include "frame/device_array.h"
 #include "frame/frame.h"
 #include "optics/optics.h"
 #include "pathtrace/path_tracer.h"
-#include "render/budget.h"
 #include "shared/wave.h"
 
 namespace kuafu {
@@ -24,6 +25,29 @@ struct RenderSummary {
   double relative_error = std::numeric_limits<double>::quiet_NaN();  // NaN where none was aimed at
   double seconds = 0.0;
 };
+
+/// A budget says how many samples the next round of a render takes where a limit of time or noise ends it.
+class Budget {
+ public:
+  /// Each of the `pixels` gets at most `samples`. A limit of 0 is none.
+  Budget(uint32_t samples, uint32_t pixels, double max_seconds, double relative_error);
+
+  /// The samples of the next round; 0 when the render is done. Without a limit of time they depend on the errors alone, so they are
+  /// deterministic.
+  [[nodiscard]] uint32_t next() const { return next_; }
+  /// Call it after the round that next() gave: `seconds` have passed since the call began, and the images have `all_samples` and this
+  /// relative error.
+  void round_done(double seconds, uint32_t all_samples, double relative_error);
+  [[nodiscard]] uint32_t done() const { return done_; }
+
+ private:
+  uint32_t samples_, next_, done_ = 0;
+  double max_seconds_, relative_error_, seconds_ = 0;
+};
+
+/// The relative error of an image: the root of the mean variance of its pixels over its mean radiance. The function returns its upper limit
+/// at 84 % confidence, since few pixels or rare bright samples tell little about the variance. Both images hold [pixels][channels] floats.
+double relative_error(const ks::Buffer& variance, const ks::Buffer& radiance, uint64_t pixels, uint32_t channels);
 
 /// An accumulation keeps the sums of whole images between the rounds of a budget, and between calls that accumulate.
 class Accumulation {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tables/aov_tables.h"
+#include "tables/scene_tables.h"
 
 #include <algorithm>
 
 #include "device/error.h"
-#include "light/light_record.h"
+#include "light/light_table.h"
 
 namespace kuafu {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "device/thread_pool.h"
-#include "light/light_record.h"
+#include "light/light_table.h"
 #include "material/albedo_tables.h"
 #include "material/material_record.h"
 #include "scene/motion.h"

@@ -6,6 +6,8 @@
 #include <memory>
 
 #include "frame/band.h"
+#include "frame/device_array.h"
+#include "frame/launch.h"
 #include "light/light_table.h"
 #include "scene/scene.h"
 #include "shared/scene_records.h"
@@ -92,6 +94,27 @@ class SceneTables {
   bool emissive_ = false;                          // some material shines in the band
   double world_radius_m_ = 0.0;                    // that the lights were written with
   std::vector<bool> shining_;                      // by slot of the instances: whether it was among the lights
+};
+
+/// Stage `aov` reads these tables beyond the scene's: the projectors, and the motion since the last frame. Each render that asks for them
+/// makes them again.
+class AovTables {
+ public:
+  explicit AovTables(Memory memory) : memory_(std::move(memory)) {}
+
+  /// Updates the tables; throws if the launch names a light that is no projector.
+  void update(const Scene& scene, const Launch& launch);
+  [[nodiscard]] uint64_t address() const { return addresses_.address(); }
+
+ private:
+  void write_projectors(const Scene& scene, const Launch& launch);
+  void write_motion(const Scene& scene, const Launch& launch);
+
+  Memory memory_;
+  MappedTable<ProjectorRecord> projectors_;
+  MappedTable<MotionView> motion_;
+  MappedTable<glm::vec4> previous_local_to_world_;
+  MappedTable<AovAddresses> addresses_;
 };
 
 }  // namespace kuafu

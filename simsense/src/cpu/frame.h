@@ -9,7 +9,6 @@
 #include <memory>
 #include <vector>
 
-#include "image/frame.h"
 #include "image/layout.h"
 #include "image/view.h"
 #include "signal/imager.h"

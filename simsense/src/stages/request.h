@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "device/timeline.h"
-#include "image/frame.h"
 #include "image/layout.h"
 #include "ks/log.h"
 #include "stages/settings.h"

@@ -5,7 +5,7 @@
 
 #include <functional>
 
-#include "image/frame.h"
+#include "image/layout.h"
 #include "match/matcher.h"
 #include "stages/settings.h"
 

@@ -6,7 +6,6 @@
 #include <optional>
 #include <vector>
 
-#include "image/frame.h"
 #include "image/layout.h"
 #include "image/view.h"
 #include "shared/image_ref.h"
