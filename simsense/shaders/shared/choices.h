@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choices, reasons and flags by number, read by GLSL and C++, which makes enumerations of the public ones (match/choices.h).
+// Choices, reasons and flags by number, read by GLSL and C++, which makes enumerations of the public ones (match/matcher.h).
 #ifndef SIMSENSE_CHOICES_H
 #define SIMSENSE_CHOICES_H
 

@@ -18,7 +18,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DepthCells {
 /// How far a splat of the largest size, 15, reaches: the z-buffer goes on that many pixels beyond each border of the image.
 #define SPLAT_MARGIN 7
 
-/// Parameters of depth/depth.h, depth/rays.h and registration/projection.h.
+/// Parameters of depth/depth.h and registration/projection.h.
 struct DepthParameters {
   DepthFloats ray_x, ray_y;  // of the points' camera at z = 1: one row and one column, or one per pixel
   DepthFloats row_starts;    // [height][3]: where each row's rays start in the RGB camera
