@@ -55,7 +55,7 @@ def test_a_back_end_has_a_folder_for_every_stage(back_end: str) -> None:
 
 def test_back_ends_have_the_same_stems_beside_their_stages() -> None:
     stems = [{p.stem for p in (SOURCES / back_end).glob("*.h")} for back_end in BACK_ENDS]
-    assert {"calls", "stages", "matcher", "frame", "image"} <= stems[0] & stems[1]
+    assert {"calls", "stages", "matcher", "frame"} <= stems[0] & stems[1]
 
 
 def test_the_order_of_stages_is_written_in_one_file() -> None:

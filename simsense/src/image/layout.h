@@ -49,7 +49,7 @@ struct Pairs {
   uint32_t first = 0, count = 0;
 };
 
-/// The images of one compute call, inputs and outputs, as a back end reaches them (cpu/frame.h, vulkan/image.h).
+/// The images of one compute call, inputs and outputs, as a back end reaches them (cpu/frame.h, vulkan/frame.h).
 template <class Image>
 struct FrameOf {
   std::optional<Image> inputs[2];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "vulkan/image.h"
+#include "vulkan/frame.h"
 
 #include <algorithm>
 #include <cstring>

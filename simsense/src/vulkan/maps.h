@@ -9,7 +9,7 @@
 #include "device/compute.h"
 #include "shared/choices.h"
 #include "stages/settings.h"
-#include "vulkan/image.h"
+#include "vulkan/frame.h"
 #include "vulkan/match_arrays.h"
 
 namespace simsense {

@@ -9,7 +9,7 @@
 #include "stages/stages.h"
 #include "vulkan/checks/checks.h"
 #include "vulkan/depth/depth.h"
-#include "vulkan/image.h"
+#include "vulkan/frame.h"
 #include "vulkan/maps.h"
 #include "vulkan/matcher.h"
 #include "vulkan/rectify/remap.h"
