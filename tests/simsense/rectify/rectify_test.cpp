@@ -14,6 +14,7 @@
 #include "cpu/rectify/remap.h"
 #include "device/error.h"
 #include "device/thread_pool.h"
+#include "ks/lens.hpp"
 #include "rectify/rectification.h"
 #include "rectify/stereo_rectify.h"
 #include "rig/rig.h"
