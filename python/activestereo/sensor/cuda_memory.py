@@ -14,7 +14,6 @@ import ctypes as c
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -210,21 +209,7 @@ PICTURES = {
 }
 
 
-@dataclass(frozen=True)
-class CudaMap:
-    """One map: the simsense.Image that the engine writes, and the same memory in CUDA."""
-
-    image: simsense.Image
-    memory: CudaMemory
-
-    def array(self, shape: tuple[int, ...]) -> CudaArray:
-        """Returns the map as a CUDA array of this shape, which has as many elements as the image."""
-        assert prod(shape) == prod(self.image.shape)
-        return self.memory.array(self.image.dtype, shape)
-
-    def read(self) -> NDArray[Any]:
-        """Returns a copy in host memory."""
-        return self.image.buffer.read().view(self.image.dtype).reshape(self.image.shape)
+CudaMap = tuple[simsense.Image, CudaMemory]  # the image that the engine writes, and the same memory in CUDA
 
 
 class CudaMaps:
@@ -236,15 +221,15 @@ class CudaMaps:
         self._maps: dict[str, CudaMap] = {}
 
     def compute(self, names: Iterable[str], match: Callable[[Any], Mapping[str, NDArray[Any]]]) -> dict[str, CudaMap]:
-        """Computes the named maps of the last picture and returns {name: CudaMap}. match(names) returns new arrays,
-        whose type and shape set a map's memory; match({name: simsense.Image}) writes into those images. Raises
-        CudaError without CUDA, or if this GPU lacks it."""
+        """Computes the named maps of the last picture. match(names) returns new arrays, whose type and shape set a
+        map's memory; match({name: simsense.Image}) writes into those images. Raises CudaError without CUDA, or if this
+        GPU lacks it."""
         names = list(names)
         new = [name for name in names if name not in self._maps]
         is_host = self._device.info.kind in ("cpu", "host")
         for name, like in match(new).items() if new else ():
             buffer = simsense.Buffer(self._device, like.nbytes, exportable=True, host_visible=is_host)
-            self._maps[name] = CudaMap(buffer.image(like.dtype, like.shape), CudaMemory(buffer))
+            self._maps[name] = buffer.image(like.dtype, like.shape), CudaMemory(buffer)
         found = {name: self._maps[name] for name in names}
-        match({name: one.image for name, one in found.items()})
+        match({name: image for name, (image, _) in found.items()})
         return found

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from activestereo.sensor.cuda_memory import CudaArray, CudaMap, CudaMaps
+from activestereo.sensor.cuda_memory import CudaArray, CudaMaps
 
 
 class Maps:
@@ -47,12 +47,15 @@ class Maps:
     def read(self, name: str) -> NDArray[Any]:
         """Returns one map of the depth engine, [*shape, height, width, ...], in host memory."""
         found = self._one(name)
-        return found.read().reshape(self._shape_of(found.image)) if isinstance(found, CudaMap) else found
+        if not self.on_cuda:
+            return found
+        image, _ = found
+        return image.buffer.read().view(image.dtype).reshape(self._shape_of(image))
 
     def cuda(self, name: str) -> CudaArray:
         """Returns one map in CUDA memory, [*shape, height, width, ...]."""
-        found = self._one(name)
-        return found.array(self._shape_of(found.image))
+        image, memory = self._one(name)
+        return memory.array(image.dtype, self._shape_of(image))
 
     def _one(self, name: str) -> Any:
         if not self._has_begun:

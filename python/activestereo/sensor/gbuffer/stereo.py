@@ -383,7 +383,7 @@ class GBufferStereo:
             found = {name: image.reshape(self.shape) for name, image in maps.items()}
         else:
             on_cuda = self._on_cuda.compute(names, lambda new: engine.compute(link.left, link.right, new, **own_light))
-            found = {name: one.array(self.shape) for name, one in on_cuda.items()}
+            found = {name: memory.array(image.dtype, self.shape) for name, (image, memory) in on_cuda.items()}
         if wants_cause:
             near, is_odd = inverse_depth(seen["depth"][..., 0]), np.zeros(self.shape, bool)
             is_lit = seen["projector_visibility"][: self._count, ..., 0] > 0.5
