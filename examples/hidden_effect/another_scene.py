@@ -83,8 +83,7 @@ def picture(true: Errors, before: Errors, after: Errors, frame: int = -1) -> Fig
         shown = axes.imshow(errors.pixels[frame], cmap="RdBu_r", vmin=-_SHOWN_PX, vmax=_SHOWN_PX)
         axes.set_facecolor(INK)
         axes.set_title(title, loc="left", fontsize=11, color=INK)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.set(xticks=[], yticks=[])
     figure.colorbar(shown, ax=figure.axes, label="error of disparity, px", shrink=0.8)
     return figure
 

@@ -48,8 +48,7 @@ def picture(before, after, result):
         shown = axes.imshow(image, **style)
         figure.colorbar(shown, ax=axes, label="DN", shrink=0.8)
         axes.set_title(title, loc="left", fontsize=11, color=INK)
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.set(xticks=[], yticks=[])
     curve(parts[1, 1], result, floor)
     return figure
 

@@ -11,7 +11,6 @@ OUT/truth.json says what the page's commands should find.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from activestereo.scene_io import meshes
 from activestereo.scene_io.gltf_writer import GltfWriter
 from activestereo.capture.images import write_gray
 from activestereo.common import srgb
-from activestereo.common.output_files import write_png
+from activestereo.common.output_files import write_json, write_png
 from activestereo.common.pose import look_at, rigid_motion
 
 WIDTH, HEIGHT, FOCAL_PX, BASELINE_M = 424, 240, 213.5, 0.05
@@ -213,7 +212,7 @@ class Practice:
             "black_dn": BLACK_DN,
             "read_dn": READ_DN, "shot_dn": SHOT_DN, "box_roughness": BOX_ROUGHNESS, "box_ir_albedo": BOX_ALBEDO,
         }  # fmt: skip
-        (self.out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+        write_json(self.out / "truth.json", truth)
 
 
 _MATT = {"metallicFactor": 0.0, "roughnessFactor": 1.0}

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import glob
-import json
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from activestereo.capture.capture import read_capture
 from activestereo.capture.images import read_gray
-from activestereo.common.output_files import write_text
+from activestereo.common.output_files import write_json
 from activestereo.compare.compare import Comparison, compare
 from activestereo.effects.core.surfaces import surface_text
 from activestereo.report.lettering import write_figure
@@ -113,8 +112,7 @@ def picture(comparison: Comparison, own: list[NDArray[Any]], said: str) -> Figur
     axes[1, 0].imshow(colours)
     axes[1, 0].set_title("holes: orange camera's, blue simulated, black both", size=10, loc="left")
     for axis in axes.flat:
-        axis.set_xticks([])
-        axis.set_yticks([])
+        axis.set(xticks=[], yticks=[])
     return figure
 
 
@@ -149,7 +147,7 @@ def three_depths(capture: Path, own: str, out: Path, samples: int, scale_m: floa
     found = gathered(comparison, depths)
     said = sentence(found)
     out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "three_depths.json", json.dumps({"sentence": said, "figures": found}, indent=1) + "\n")
+    write_json(out / "three_depths.json", {"sentence": said, "figures": found})
     write_figure(out / "three_depths.png", picture(comparison, depths, said))
     return f"{table(found)}\n{said}"
 

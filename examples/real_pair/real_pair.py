@@ -4,7 +4,7 @@
     PYTHONPATH=build/python /usr/bin/python3 examples/real_pair/real_pair.py DATA/d435-real --out out/real_pair
 
 DATA/d435-real holds left.png, right.png (848x480, 8 bit, rectified) and device_depth_mm.png (uint16 mm, 0 = none, every
-second pixel of the left image). """
+second pixel of the left image)."""
 
 import argparse
 import sys
@@ -70,9 +70,7 @@ def draw(left, rows, device_mm):
         row[1].set_title(f"minus the device's: median |difference| {median_mm:.2f} mm")
         figure.colorbar(shown, ax=row[1], label="mm")
     for axis in axes.flat:
-        axis.set_xticks([])
-        axis.set_yticks([])
-        axis.set_facecolor("#15181c")
+        axis.set(xticks=[], yticks=[], facecolor="#15181c")
     return figure
 
 
