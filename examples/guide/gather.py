@@ -107,55 +107,45 @@ def with_includes(page: pathlib.Path) -> str:
     return re.sub(pattern, included, page.read_text(), flags=re.MULTILINE)
 
 
-class Gatherer:
-    """Copies pages and what they link to."""
-
-    def __init__(self, pages: list[str], target: pathlib.Path) -> None:
-        self.pages = {ROOT / page for page in pages}
-        self.target = target
-
-    def gather(self) -> None:
-        for page in sorted(self.pages):
-            if not page.is_file():
-                raise PageError(f"mkdocs.yml names {page.relative_to(ROOT)}, which is not there")
-            self.write(page)
-
-    def write(self, page: pathlib.Path) -> None:
+def gather(names: list[str], target: pathlib.Path) -> None:
+    """Copies the pages of these names, and what they link to, into the folder `target`."""
+    pages = {ROOT / name for name in names}
+    for page in sorted(pages):
+        if not page.is_file():
+            raise PageError(f"mkdocs.yml names {page.relative_to(ROOT)}, which is not there")
         text = with_includes(page)
         blocks = [match.span() for match in FENCE.finditer(text)]
 
-        def site_link(match: re.Match[str]) -> str:
+        def moved(match: re.Match[str], page: pathlib.Path = page, blocks: list[tuple[int, int]] = blocks) -> str:
             in_block = any(start <= match.start() < end for start, end in blocks)
-            return match[0] if in_block else self.site_link(match, page)
+            return match[0] if in_block else site_link(match, page, pages, target)
 
-        path = self.target / page.relative_to(ROOT)
+        path = target / page.relative_to(ROOT)
         path.parent.mkdir(parents=True, exist_ok=True)
         # A link's text may itself hold a picture with a link of its own.
-        path.write_text(LINK.sub(site_link, text))
+        path.write_text(LINK.sub(moved, text))
 
-    def site_link(self, match: re.Match[str], page: pathlib.Path) -> str:
-        """The link as the site has it: to a page, to a copied file, or plain text where it leads to a folder without a
-        page."""
-        text, path, anchor = match["text"], match["path"], match["anchor"] or ""
-        if not path or "://" in path:
-            return match[0]
-        there = (page.parent / path).resolve()
-        if there.is_relative_to(MADE_LATER):
-            return match[0]
-        if not there.exists():
-            raise PageError(f"{page.relative_to(ROOT)} links to {path}, which is not there")
-        if there.is_dir():
-            readme = there / "README.md"
-            if readme in self.pages:
-                return f"{text}({path.rstrip('/')}/README.md{anchor})"
-            return text[1:-1]
-        if there.suffix == ".md" and there not in self.pages:
-            return text[1:-1]
-        if there not in self.pages:
-            copy = self.target / there.relative_to(ROOT)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(there, copy)
+
+def site_link(match: re.Match[str], page: pathlib.Path, pages: set[pathlib.Path], target: pathlib.Path) -> str:
+    """The link as the site has it: to a page, to a copied file, or plain text where it leads to a folder without a
+    page."""
+    text, path, anchor = match["text"], match["path"], match["anchor"] or ""
+    there = (page.parent / path).resolve()
+    if not path or "://" in path or there.is_relative_to(MADE_LATER):
         return match[0]
+    if not there.exists():
+        raise PageError(f"{page.relative_to(ROOT)} links to {path}, which is not there")
+    if there.is_dir():
+        is_page = there / "README.md" in pages
+        return f"{text}({path.rstrip('/')}/README.md{anchor})" if is_page else text[1:-1]
+    if there in pages:
+        return match[0]
+    if there.suffix == ".md":
+        return text[1:-1]
+    copy = target / there.relative_to(ROOT)
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(there, copy)
+    return match[0]
 
 
 def main() -> int:
@@ -165,7 +155,7 @@ def main() -> int:
     shutil.rmtree(folder / "pages", ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        Gatherer(page_names(config), folder / "pages").gather()
+        gather(page_names(config), folder / "pages")
     except PageError as error:
         print(error, file=sys.stderr)
         return 1
