@@ -12,7 +12,7 @@ import tomllib
 
 FOLDER = Path(__file__).resolve().parent
 
-# Type in a table: C type, bytes, C type of a constant that prints it.
+# Type in a table: C type, bytes.
 SCALARS = {
     "float": ("float", 4),
     "double": ("double", 8),
@@ -101,7 +101,6 @@ class Struct:
     fields: list[Field]
     source: str  # the table's file name
     type_id: int | None = None
-    what: str = ""
     reach: str = ""
     init: tuple[str, ...] = ()
     python: str = ""
