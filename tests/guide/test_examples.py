@@ -33,7 +33,7 @@ def test_mujoco_wrist(tmp_path):
 def test_gbuffers(simulator):
     pytest.importorskip(simulator, reason=f"the package {simulator} is not installed (pip install {simulator})")
     pictures, share = load(EXAMPLES / "gbuffers/play.py").run(simulator)
-    assert [picture.image.shape for picture in pictures] == [(120, 212)] * 3 and share > 0.8
+    assert [image.shape for _, image, _ in pictures] == [(120, 212)] * 3 and share > 0.8
 
 
 def test_sapien_sensor(tmp_path):

@@ -76,15 +76,18 @@ class Camera:
 @dataclass(frozen=True)
 class Projector:
     """A projector, modelled as a point source that casts an image. K: 3x3, from directions to the image's pixels.
-    pattern(): the image's relative radiant intensity."""
+    measured: the image, as pattern() returns it, in place of the file's."""
 
     pattern_path: Path
     K: np.ndarray
     left_to_projector: np.ndarray
+    measured: np.ndarray | None = None
 
     @computed_once
     def pattern(self) -> np.ndarray:
-        """Reads the pattern's relative radiant intensity, float32 [height, width], 0..1."""
+        """Returns the image's relative radiant intensity, float32 [height, width], 0..1."""
+        if self.measured is not None:
+            return self.measured
         image = read_gray(self.pattern_path, key="rig.projector.pattern")
         if image.dtype != np.uint8:
             raise CaptureError(f"{self.pattern_path}: rig.projector.pattern: is a 16-bit image, expected 8-bit gray")

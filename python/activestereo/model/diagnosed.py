@@ -5,13 +5,13 @@ model's."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from activestereo.capture.capture import Capture, Projector
+from activestereo.capture.capture import Capture
 from activestereo.capture.images import read_gray
 from activestereo.common.pattern import spots_image
 from activestereo.effects.core.model import Model
@@ -26,17 +26,6 @@ from activestereo.model.model import (
     SensorModel,
     with_surfaces,
 )
-
-
-@dataclass(frozen=True)
-class MeasuredProjector(Projector):
-    """A projector whose pattern is an array of relative radiant intensity, float32 [height, width], 0..1."""
-
-    image: NDArray[np.float32] | None = None
-
-    def pattern(self) -> NDArray[np.float32]:
-        assert self.image is not None
-        return self.image
 
 
 def calibrated(capture: Capture, model: SensorModel) -> Capture:
@@ -55,8 +44,7 @@ def calibrated(capture: Capture, model: SensorModel) -> Capture:
         if model.rig.left_to_projector is not None:
             rig = replace(rig, projector=replace(rig.projector, left_to_projector=model.rig.left_to_projector))
     if model.pattern is not None:
-        old, image = rig.projector, pattern_image(model.pattern)
-        measured = MeasuredProjector(old.pattern_path, model.pattern.K, old.left_to_projector, image)
+        measured = replace(rig.projector, K=model.pattern.K, measured=pattern_image(model.pattern))
         rig = replace(rig, projector=measured)
     measured_of = {pose.stated.tobytes(): pose.measured for pose in model.poses}
     poses = (measured_of.get(f.camera_to_world.tobytes(), f.camera_to_world) for f in capture.frames)
