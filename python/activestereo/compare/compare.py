@@ -115,7 +115,6 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     capture, model, seed = errors.capture, errors.model, made.seed
     views, measured, predictions = errors.views, errors.measured, errors.predictions
     noise_model = errors.noise_model
-    match = match_of(errors)
     depths = model_depths(capture, errors, model, seed)
     # The shape of the train frames' error.
     keys = [(frame.id, side) for frame in capture.split("train") for side in SIDES]
@@ -131,8 +130,8 @@ def comparison_of(errors: ImageErrors, made: RenderedWith, without: ImageErrors 
     scores = {
         "capture": capture.name,
         **vars(made),
-        "warnings": [*recording_warnings(errors, match), *scale_warnings(errors.fit)],
-        "match": asdict(match) | {"frames": list(match.frames)},
+        "warnings": [*recording_warnings(errors), *scale_warnings(errors.fit)],
+        "match": asdict(match_of(errors)) | {"frames": list(match_of(errors).frames)},
         "fit": asdict(errors.fit) | {"at_bound": list(errors.fit.at_bound)},
         "effects": [effect.id for effect, _ in model.effects],
         "noise_model": None if noise_model is None else vars(noise_model),

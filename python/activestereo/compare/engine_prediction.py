@@ -104,7 +104,7 @@ def engine_lights(
     alone, not by how each is rendered. Effects that the engines lack are applied by their formulas. cache: stores the
     renders."""
     outside = _on_images(model)
-    traced = Model(tuple(pair for pair in model.effects if pair not in outside.effects))
+    traced = model.only(lambda *pair: pair not in outside.effects)
     renderer = renderer.filtering_alike(capture, traced)
 
     def render(half: int, model: Model, known: SceneMeasurement | None, step: int) -> Mapping[ImageKey, NDArray]:
@@ -136,10 +136,4 @@ def changes_no_ray(model: Model, scene_measurement: SceneMeasurement) -> bool:
 def _on_images(model: Model) -> Model:
     """Returns a model of the effects that are applied to rendered light: those that the engines lack, and those of the
     lens' optics alone, which kuafu, too, applies to its finished images."""
-    return Model(
-        tuple(
-            (effect, values)
-            for effect, values in model.effects
-            if not effect.is_simulated(values) or all("optics." in name for name in effect.engine_fields)
-        )
-    )
+    return model.only(lambda e, p: not e.is_simulated(p) or all("optics." in name for name in e.engine_fields))

@@ -243,10 +243,11 @@ def _brighter(rows: Sequence[tuple[float, float, Frame]]) -> dict[int, float]:
     return found
 
 
-def recording_warnings(errors: ImageErrors, match: Match) -> list[str]:
+def recording_warnings(errors: ImageErrors) -> list[str]:
     """Returns the warnings of a mismatch, of frames at full scale, of repeats that are none, and of depth in another
     unit, one line each."""
-    capture, said, most = errors.capture, match.warnings, errors.capture.rig.max_dn
+    match, capture, most = match_of(errors), errors.capture, errors.capture.rig.max_dn
+    said = match.warnings
     full = [f.id for f in capture.frames if max(np.mean(errors.measured[f.id, s] >= most) for s in SIDES) > _FULL]
     if full:
         share = f"more than {100 * _FULL:.0f} % of its pixels are at full scale, {most} DN"

@@ -57,7 +57,7 @@ def depth_split(
     model, the given model and model.json at the estimated geometry. depth: the judgement of the depth engine. name_of:
     returns a material's name for its index.
     """
-    filters = _on_depth(found.model)
+    given_filters, filters = (m.only(lambda e, _: e.stage > Stage.DIGITAL) for m in (given.model, found.model))
     for f in (*depth.named(is_choice=True), *depth.named(is_choice=False)[:1]):
         filters = filters.with_effect(f.effect, **{n: v.value for n, v in f.parameters().items()})
 
@@ -67,7 +67,7 @@ def depth_split(
         return {d.frame.id: d for d in model_depths(capture, under, Model(), seed)}
 
     base, expected = depths(plain), []
-    for errors, on_depth in ((given, _on_depth(given.model)), (found, filters)):
+    for errors, on_depth in ((given, given_filters), (found, filters)):
         expected.append((base if errors is plain else depths(errors), on_depth))
     engine = DepthModel(capture) if base else None
     both: list[list[Errors]] = [[], []]
@@ -168,7 +168,3 @@ def _told(errors: Errors, px: Mapping[str, NDArray[np.float64]], here: NDArray[n
             rms = float(np.sign(share) * np.sqrt(abs(share) * square))
             parts[name] |= {f"share_{unit}": share, f"rms_{unit}": rms}
     return out | {"parts": parts}
-
-
-def _on_depth(model: Model) -> Model:
-    return Model(tuple((e, p) for e, p in model.effects if e.stage > Stage.DIGITAL))

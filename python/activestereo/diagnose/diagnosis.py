@@ -29,7 +29,7 @@ from activestereo.diagnose.depth_engine import Depth, depth_json, judged_depth
 from activestereo.diagnose.depth_split import depth_split
 from activestereo.diagnose.evidence import Evidence, Observation
 from activestereo.diagnose.fields import draws_growth
-from activestereo.diagnose.figures import ErrorsOfModels, held_out_figures, left_out_rmse, without_light
+from activestereo.diagnose.figures import NOTHING_TOLD, ErrorsOfModels, held_out_figures, left_out_rmse, without_light
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.found_model import albedo_json, found_model, geometry_json
 from activestereo.diagnose.gather import no_infrared
@@ -60,13 +60,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from activestereo.diagnose.room.unseen import Unseen
-
-_NO_FIGURES: dict[str, Any] = {
-    **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
-    "heldout_noise_floor": None,
-    "curve": [],
-    "depth_split": None,
-}
 
 
 @dataclass(frozen=True)
@@ -254,7 +247,7 @@ def diagnose(
 
 def _undetermined(reason: str, model: Model) -> Diagnosis:
     text = "record the infrared images of both cameras, with two or more frames of each static view"
-    result: dict[str, Any] = _NO_FIGURES | {
+    result: dict[str, Any] = NOTHING_TOLD | {
         "verdict": UNDETERMINED,
         "reason": reason,
         "probabilities": None,
@@ -262,9 +255,6 @@ def _undetermined(reason: str, model: Model) -> Diagnosis:
         "sets": [],
         "added": [],
         "next_measurement": [{"text": text, "separates": [], "change": None}],
-        "residual_model": None,
-        "geometry": [],
-        "albedos": [],
         "depth": {"verdict": UNDETERMINED, "reason": reason, "ranking": [], "added": []},
         "model": model_json(model),
     }
@@ -383,7 +373,7 @@ def _told(
         own = restore_functions(solution.model, candidates)
         evidence = settings.with_test(evidence, outcome.fitter, solution, own)
     capture, black_dn, added = evidence.capture, solution.nuisances.black_dn, [n.id for n in names if is_found]
-    complete, depth, judged = found_model(evidence, accepted, solution, found), Depth((), False), dict(_NO_FIGURES)
+    complete, depth, judged = found_model(evidence, accepted, solution, found), Depth((), False), dict(NOTHING_TOLD)
     before = after = None
     tested = _UNTESTED
     if settings.errors is not None:

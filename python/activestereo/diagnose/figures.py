@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES, Capture
 from activestereo.common.progress_bar import Progress, part_of
 from activestereo.compare.image_errors import ImageErrors, Judged, image_errors
-from activestereo.compare.mismatch import match_of, recording_warnings
+from activestereo.compare.mismatch import recording_warnings
 from activestereo.compare.render import BaseRenders
 from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.linear import linearised
@@ -25,6 +25,14 @@ from activestereo.model import SensorModel
 from activestereo.model.diagnosed import calibrated
 
 _GIVEN_SHARE = 0.4  # of the progress, for a given model at the stated geometry
+# Entries of diagnose.json where nothing is known of them.
+NOTHING_TOLD: dict[str, Any] = {
+    **dict.fromkeys(("heldout_ir_rmse_before", "heldout_ir_rmse_geometry", "heldout_ir_rmse_after")),
+    **dict.fromkeys(("heldout_noise_floor", "depth_split", "residual_model")),
+    "curve": [],
+    "geometry": [],
+    "albedos": [],
+}
 
 
 @dataclass(frozen=True)
@@ -103,7 +111,7 @@ def held_out_figures(
         return errors.by_split().get(split, {}).get("rmse_dn")
 
     figures: dict[str, Any] = {
-        "warnings": recording_warnings(before, match_of(before)),
+        "warnings": recording_warnings(before),
         "heldout_ir_rmse_before": rmse(before, "test"),
         "heldout_ir_rmse_geometry": rmse(standing, "test"),
         "heldout_ir_rmse_after": rmse(after, "test"),

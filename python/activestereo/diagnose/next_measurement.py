@@ -49,25 +49,18 @@ _MENU: dict[str, Change] = {
 _OTHER_VIEWS = "six other views: another distance (at least twice as far) and other materials", {"views": 6}
 
 
-def _changed(
-    frame: Frame,
-    power_factor: float = 1.0,
-    exposure_factor: float = 1.0,
-    warming_k: float = 0.0,
-    velocity: list[float] | None = None,
-    repeats: int = 0,
-) -> Frame:
+def _changed(frame: Frame, change: Change) -> Frame:
     """Returns a frame of the same view under other settings: factors on power and exposure, kelvins added to the
-    temperature, and a velocity [v, w] in m/s and rad/s (None keeps it). repeats is ignored."""
+    temperature, and a velocity [v, w] in m/s and rad/s."""
     temperature_c = frame.temperature_c
-    if warming_k:
+    if warming_k := change.get("warming_k"):
         temperature_c = (REFERENCE_TEMPERATURE_C if temperature_c is None else temperature_c) + warming_k
     return replace(
         frame,
-        projector_power=power_factor * frame.projector_power,
-        exposure_s=exposure_factor * frame.exposure_s,
+        projector_power=change.get("power_factor", 1.0) * frame.projector_power,
+        exposure_s=change.get("exposure_factor", 1.0) * frame.exposure_s,
         temperature_c=temperature_c,
-        camera_velocity=frame.camera_velocity if velocity is None else np.array(velocity),
+        camera_velocity=np.array(change.get("velocity", frame.camera_velocity)),
     )
 
 
@@ -114,7 +107,7 @@ def _worst_pair(
     evidence: Evidence, members: Mapping[str, Solution], observations: Sequence[Observation], change: Change
 ) -> tuple[float, tuple[str, ...]]:
     """Returns (the least nats by which changed frames separate two of the members, the ids of these two effects)."""
-    frames = [_changed(o.frame, **change) for o in observations]
+    frames = [_changed(o.frame, change) for o in observations]
     changed = [replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(observations, frames, strict=True)]
     # Each view is recorded again, so that there are as many pixels as in the train frames.
     copies = evidence.pixels / sum(o.pixels for o in observations)

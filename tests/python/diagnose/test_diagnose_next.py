@@ -55,7 +55,7 @@ def test_the_menu_tells_a_laser_from_a_filter_that_dim_alike_where_it_is_warmer(
     filtered = Model().with_effect(effects["chromatic_drift"], transmission_per_k=np.expm1(-0.2) / 20.0)
 
     def apart(change):
-        view = replace(o.view, frame=_changed(o.frame, **change))
+        view = replace(o.view, frame=_changed(o.frame, change))
         a, b = (model.light(o.layers, view, supersampled=False).direct.sum() for model in (laser, filtered))
         return abs(a / b - 1.0)
 

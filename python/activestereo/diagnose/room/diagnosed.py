@@ -15,6 +15,7 @@ from activestereo.calibrate.world.cells import Room
 from activestereo.calibrate.world.light import LightView, black_level, solve_light
 from activestereo.calibrate.world.views import Image, SceneView, blurred, points_of
 from activestereo.capture.capture import Capture
+from activestereo.diagnose.figures import NOTHING_TOLD
 from activestereo.diagnose.goodness import Z90
 from activestereo.diagnose.room.bands import LEAST_GEOMETRY
 from activestereo.diagnose.room.beside import falloff, falloff_of
@@ -66,7 +67,7 @@ def diagnosed_room(
     ranked = {*(f.effect.id for f in ranking), *(e.id for e, _ in given.effects), _FALLOFF}
     by_view = _unseen(names.seen, given, accepted)
     shown = max(by_view, key=lambda pair: pair[0].rmse_dn ** 2 - pair[1].rmse_dn ** 2, default=None)
-    result: dict[str, Any] = {
+    result: dict[str, Any] = NOTHING_TOLD | {
         "verdict": UNDETERMINED if len(possible) < len(told) else EFFECT if added else NONE,
         "capture": capture.name,
         "binning": 1,
@@ -84,15 +85,9 @@ def diagnosed_room(
         "heldout_ir_rmse_before": _rms(before for before, _ in by_view),
         "heldout_ir_rmse_geometry": _rms(before for before, _ in by_view),
         "heldout_ir_rmse_after": _rms(after for _, after in by_view),
-        "heldout_noise_floor": None,
         "predicted_by_views": not capture.split("test"),
         "not_predicted": [f.effect.id for f in found if not is_alike_in_views(f.effect)],
-        "curve": [],
-        "depth_split": None,
         "next_measurement": _next(names),
-        "geometry": [],
-        "albedos": [],
-        "residual_model": None,
         "model": model_json(accepted),
     }  # fmt: skip
     if len(possible) < len(told):

@@ -4,6 +4,7 @@ sensor gives."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,11 +41,14 @@ class Model:
 
     def with_effect(self, effect: Effect, **parameters: float) -> Model:
         """Returns a model with one more effect, or with new parameters of an effect that it has."""
-        kept = tuple((e, p) for e, p in self.effects if e.id != effect.id)
-        return Model((*kept, (effect, effect.values(parameters))))
+        return Model((*self.without_effect(effect.id).effects, (effect, effect.values(parameters))))
 
     def without_effect(self, effect_id: str) -> Model:
-        return Model(tuple((e, p) for e, p in self.effects if e.id != effect_id))
+        return self.only(lambda e, _: e.id != effect_id)
+
+    def only(self, keeps: Callable[[Effect, dict[str, float]], bool]) -> Model:
+        """Returns a model of the effects for which keeps(effect, its parameters)."""
+        return Model(tuple((e, p) for e, p in self.effects if keeps(e, p)))
 
     def light(self, layers: Light | Layers, view: View, random: bool = False, supersampled: bool = True) -> Light:
         """Returns the Light that falls on the sensor: rendered layers after all effects up to the lens. random=False
