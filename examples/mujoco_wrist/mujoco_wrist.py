@@ -8,7 +8,6 @@ Needs the package mujoco (pip install mujoco). No renderer of MuJoCo's is used.
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -70,20 +69,12 @@ def run(out: Path, pictures: int, scale: float, samples: int) -> float:
     config = StereoDepthSensorConfig("D435").scaled(scale)
     config.samples_per_pixel = samples
     sensor = StereoDepthSensor(config, world.mount("wrist"))
-    spent = np.zeros(4)
     for k in range(pictures):
-        start = time.perf_counter()
         mujoco.mj_step(model, data, nstep=STEPS_PER_PICTURE)
-        stepped = time.perf_counter()
         moved = world.update()
-        updated = time.perf_counter()
         sensor.take_picture(infrared_only=k + 1 < pictures)
-        taken = time.perf_counter()
         sensor.compute_depth()
-        spent += np.diff([start, stepped, updated, taken, time.perf_counter()])
         print(f"picture {k + 1} of {pictures}: {moved} things moved")
-    names = ("physics", "update of the scene", "pictures", "depth")
-    print(", ".join(f"{name} {1e3 * t / pictures:.2f} ms" for name, t in zip(names, spent, strict=True)))
     depth, truth = sensor.get_depth(), sensor.get_true_depth()
     measured = (depth > 0) & (truth > 0)
     good = np.abs(depth - truth)[measured] < 0.02 * truth[measured]

@@ -71,9 +71,8 @@ def run(out: Path, scale: float, samples: int, steps: int) -> float:
         ("true depth", truth, (0.5, 1.4)),
     ]
     write_figure(out / "sapien_sensor.png", labelled_figure(pictures, columns=3))
-    for entity in list(
-        scene.entities
-    ):  # SAPIEN ends the process where a scene without a renderer goes with its entities
+    # SAPIEN ends the process where a scene without a renderer goes with its entities.
+    for entity in list(scene.entities):
         scene.remove_entity(entity)
     return float(good.mean())
 

@@ -15,9 +15,8 @@ import kuafu
 from stereo_grasp.scene import OBJECTS, GraspScene
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.common.pose import body_pose, look_at
-from activestereo.sensor.depth_modes import DepthCamera
+from activestereo.sensor.depth_modes import DepthCamera, IsaacSettings
 from activestereo.sensor.mounts import Mounts
-from activestereo.sensor.depth_modes import IsaacSettings
 
 STEPS = 10
 # What an action of 1 moves: x, y, z in metres, and the turn about z in radians.
