@@ -64,16 +64,12 @@ def _members(node: ast.ClassDef) -> str:
             name, said = member.name, " ".join((ast.get_docstring(member) or "").split())
             decorators = [ast.unparse(decorator) for decorator in member.decorator_list]
             returned = f" -> {ast.unparse(member.returns)}" if member.returns else ""
-            is_property = "property" in decorators
-            shown = f"{name}{returned}" if is_property else f"{name}({_parameters(member.args)}){returned}"
+            parameters = re.sub(r"^self(, )?", "", ast.unparse(member.args))
+            shown = name + ("" if "property" in decorators else f"({parameters})") + returned
         else:
             continue
         lines.setdefault(name, f"- `{shown}`" + (f": {said}" if said else ""))
     return "\n".join(lines.values())
-
-
-def _parameters(arguments: ast.arguments) -> str:
-    return re.sub(r"^self(, )?", "", ast.unparse(arguments))
 
 
 def moved_links(text: str, old: pathlib.Path, new: pathlib.Path) -> str:

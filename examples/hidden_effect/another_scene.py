@@ -55,7 +55,8 @@ def true_and_simulated(folder: Path, models: list[SensorModel]) -> tuple[Errors,
     """Depth of the sensor that took the capture in `folder`, and of each model in its place. The models' albedos are
     another scene's and are left out."""
     capture = read_capture(folder)
-    frames = _alike(capture)
+    exposure = capture.frames[0].exposure_gain  # a sensor has one
+    frames = [f for f in capture.frames if f.exposure_gain == exposure and f.projector_power == 1.0]
     expected = None
     simulated = []
     for model in models:
@@ -86,12 +87,6 @@ def picture(true: Errors, before: Errors, after: Errors, frame: int = -1) -> Fig
         axes.set(xticks=[], yticks=[])
     figure.colorbar(shown, ax=figure.axes, label="error of disparity, px", shrink=0.8)
     return figure
-
-
-def _alike(capture: Capture) -> list[Frame]:
-    """Those with the first one's exposure: a sensor has one."""
-    first = capture.frames[0]
-    return [f for f in capture.frames if f.exposure_gain == first.exposure_gain and f.projector_power == 1.0]
 
 
 def _config(capture: Capture, model: SensorModel) -> StereoDepthSensorConfig:

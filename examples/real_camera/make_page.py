@@ -42,12 +42,9 @@ def _table(result):
     columns, rows = result["columns"], result["rows"]
     if any(len(row) != len(columns) for row in rows):
         raise ValueError(f"a row of '{result['command']}' has not {len(columns)} columns")
-    lines = [[str(name) for name in columns], ["--"] * len(columns), *([_text(x) for x in row] for row in rows)]
+    texts = (["" if value is None else str(value) for value in row] for row in rows)
+    lines = [[str(name) for name in columns], ["--"] * len(columns), *texts]
     return ["", *(f"|{'|'.join(line)}|" for line in lines), ""]
-
-
-def _text(value):
-    return "" if value is None else str(value)
 
 
 if __name__ == "__main__":

@@ -44,14 +44,9 @@ def figures(truth: NDArray[Any], found: NDArray[Any], focal_baseline: float) -> 
     }
 
 
-def holes_in_common(own: NDArray[Any], simulated: NDArray[Any]) -> float:
-    """Intersection over union of the pixels without depth."""
-    a, b = own <= 0, simulated <= 0
-    return float((a & b).sum() / max((a | b).sum(), 1))
-
-
 def gathered(comparison: Comparison, own: list[NDArray[Any]]) -> dict[str, Any]:
-    """The figures of both sources: as a whole, by distance, and by material."""
+    """The figures of both sources: as a whole, by distance, and by material. holes_in_common: intersection over union
+    of the pixels without depth."""
     ids = [frame.id for frame in comparison.capture.frames]
     parts = []
     for depth in comparison.depths:
@@ -69,10 +64,11 @@ def gathered(comparison: Comparison, own: list[NDArray[Any]]) -> dict[str, Any]:
         places |= {name_of(int(s)): material == s for s, n in zip(surfaces, counts, strict=True)
                    if n > _LEAST_SHARE * truth.size}  # fmt: skip
     focal_baseline = comparison.depths[0].focal_baseline
+    both, either = (camera <= 0) & (simulated <= 0), (camera <= 0) | (simulated <= 0)
     return {
         name: {source: figures(truth[part], z[part], focal_baseline)
                for source, z in ((CAMERA, camera), (SIMULATED, simulated))}
-        | {"holes_in_common": holes_in_common(camera[part], simulated[part])}
+        | {"holes_in_common": float(both[part].sum() / max(either[part].sum(), 1))}
         for name, part in places.items()
     }  # fmt: skip
 
