@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adds an option for each parameter of the engines' generated tables. Also writes maps and lines for both simulate and
-depth."""
+"""Adds the options that describe a sensor: one for each parameter of the engines' generated tables, lenses, shutters
+and motion. Also writes maps and lines for both simulate and depth."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 import simsense
+from activestereo.camera.config_limits import Readout
+from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_png
 from activestereo.common.parameter import MATCHER, RIG, Parameter
@@ -120,3 +122,48 @@ def matching_line(engine: simsense.Engine) -> str:
     windows = f"census {p['census_width']}x{p['census_height']}, block {p['block_width']}x{p['block_height']}"
     penalties, depths = f"p1 {p['p1']}, p2 {p['p2']}", f"{p['min_depth_m']:g}..{p['max_depth_m']:g} m"
     return f"matching: disparities {first}..{last}, {windows}, {penalties}, {checks}, {depths}"
+
+
+def add_camera_options(group: argparse._ArgumentGroup) -> None:
+    for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
+        lens = group.add_mutually_exclusive_group()
+        text = f"{whose} lens: Brown and Conrady's k1,k2,p1,p2[,k3[,k4,k5,k6]], as in OpenCV (default: none)"
+        lens.add_argument(f"--{camera}-distortion", type=_lens, metavar="K1,...", help=text)
+        text, name = f"{whose} fisheye lens: Kannala and Brandt's k1,k2,k3,k4, as in OpenCV", f"{camera}_distortion"
+        lens.add_argument(
+            f"--{camera}-fisheye", dest=name, metavar="K1,...", help=text,
+            type=lambda given: tuple(map(float, cli.numbers(given, (4,), "a fisheye lens"))),
+        )  # fmt: skip
+    text = "what the sensor does while its shutters are open, m/s and rad/s along and about the left infrared camera's "
+    text += "x (right), y (down), z (forward) (default: it stands still)"
+    group.add_argument("--velocity", type=_twist, metavar="VX,VY,VZ[,WX,WY,WZ]", help=text)
+    text = "seconds that each line is exposed after the one before; 0 = a global shutter (default: 0)"
+    for camera, cameras in (("ir", "the infrared cameras"), ("rgb", "the RGB camera")):
+        words = f"rolling shutter of {cameras}: {text}"
+        group.add_argument(f"--{camera}-line-time-s", type=cli.positive, metavar="S", help=words)
+    text = f"the way their lines go, {' | '.join(get_args(Readout))}; a sensor built in upside down has rows_up"
+    group.add_argument("--readout", choices=get_args(Readout), metavar="NAME", help=f"{text} (default: rows_down)")
+    text = "how long the RGB camera is open, which only blurs what moves (default: 0)"
+    group.add_argument("--rgb-exposure-s", type=cli.positive, metavar="S", help=text)
+
+
+def set_cameras(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
+    """Writes the given lens, shutter and readout options into the sensor's configuration."""
+    if args.readout is not None and not (args.ir_line_time_s or args.rgb_line_time_s):
+        needed = "--ir-line-time-s or --rgb-line-time-s as well"
+        raise cli.CommandError(f"--readout {args.readout} is of a rolling shutter: give {needed}")
+    own = ("ir_distortion", "rgb_distortion", "ir_line_time_s", "rgb_line_time_s", "rgb_exposure_s")
+    values = {name: getattr(args, name) for name in own} | dict.fromkeys(("ir_readout", "rgb_readout"), args.readout)
+    for name, value in values.items():
+        if value is not None:
+            setattr(config, name, value)
+
+
+def _lens(text: str) -> tuple[float, ...]:
+    values = cli.numbers(text, (4, 5, 8), "a lens")
+    return tuple(map(float, np.pad(values, (0, max(0, 5 - len(values))))))
+
+
+def _twist(text: str) -> np.ndarray:
+    values = cli.numbers(text, (3, 6), "a velocity")
+    return np.concatenate([values, np.zeros(6 - len(values))])

@@ -66,6 +66,7 @@ Writes into DIR:
 examples:
   activestereo simulate table_top.gltf --sensor d435 --out out/table_top
   activestereo simulate captures/table --model out/diagnosis/model.json --out out/as_measured
+  activestereo simulate table_top.gltf --velocity 0.5,0,0 --ir-distortion -0.06,0.01,0,0 --out out/moving
 """
 
 _USUAL = [p for p in RENDER if p.name in ("samples_per_pixel", "max_bounces")]
@@ -100,6 +101,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "size of the infrared images; the RGB picture and the disparity range scale along"
     view.add_argument("--resolution", type=cli.size, metavar="WxH", help=text)
     _add_light(parser.add_argument_group("light and noise"))
+    options.add_camera_options(parser.rare_group("lenses, shutters and motion"))
     rendering = parser.rare_group("rendering")
     options.add_options(rendering, RENDERER, _OF_THE_CAMERA)
     options.add_options(rendering, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
@@ -153,6 +155,8 @@ def run(args: argparse.Namespace) -> None:
         warn_of_materials(model, scene)
     pose, chosen = _sensor_pose(args, scene, config, view)
     sensor = StereoDepthSensor(config, scene, pose=pose, model=model)
+    if args.velocity is not None:
+        sensor.set_velocity(args.velocity[:3], args.velocity[3:])
     cli.make_folder(args.out)
     with ProgressBar(f"rendering on {sensor.device.info.name}") as bar:
         sensor.take_picture(progress=bar)
@@ -207,6 +211,7 @@ def make_config(
     """Returns sensor_config() with the command's options applied and checked."""
     config = sensor_config(args, model, view)
     config.render_seed = config.noise_seed = args.seed
+    options.set_cameras(config, args)
     if args.laser_power is not None:
         config.laser_power_mw = args.laser_power
     if args.ir_exposure is not None:

@@ -54,7 +54,7 @@ def test_simulate_writes_all_files(process, table_top, tmp_path):
     assert np.median(np.abs(depth[both].astype(int) - true[both])) < 60
 
 
-def test_simulate_repeats_with_its_seed(ran, table_top, tmp_path):
+def test_simulate_repeats_with_its_seed_and_moves_the_sensor_while_it_exposes(ran, table_top, tmp_path):
     def pictures(*options):
         quick = ("--resolution", "106x60", "--spp", 1, "--max-bounces", 0)
         ran("simulate", table_top, *quick, *options, "--out", tmp_path / "out")
@@ -62,6 +62,8 @@ def test_simulate_repeats_with_its_seed(ran, table_top, tmp_path):
 
     first, again, other = (pictures("--seed", seed) for seed in (3, 3, 4))
     assert first == again and first[0] != other[0]
+    moving = pictures("--seed", 3, "--velocity", "2,0,0")
+    assert moving[0] != first[0] and moving[1] == first[1]  # the RGB camera is open for an instant
 
 
 def test_simulate_at_a_time_from_a_given_pose(run, ran, table_top, tmp_path):
@@ -71,6 +73,19 @@ def test_simulate_at_a_time_from_a_given_pose(run, ran, table_top, tmp_path):
     ran("simulate", wall, "--time", 1, "--camera-to-world", ahead, *options)
     assert abs(np.median(np.asarray(Image.open(tmp_path / "out" / "depth_true.png"))) - 3500) <= 1  # 2000 at time 0
     assert_refused(run("simulate", table_top, "--time", 1, *options), "table_top.gltf", "--time 1", "no animation")
+
+
+def test_simulate_options_are_the_configuration():
+    from activestereo.cli import make_parser, simulate
+
+    options = ("--ir-distortion=-0.06,0.01,0,0", "--rgb-distortion", "0.1,0,0,0,0.2", "--readout", "rows_up")
+    times = ("--ir-line-time-s", "1e-4", "--rgb-line-time-s", "2e-4", "--rgb-exposure-s", "3e-3")
+    config = simulate.make_config(make_parser().parse_args(["simulate", "x.gltf", "--out", "x", *options, *times]))
+    assert config.ir_distortion == (-0.06, 0.01, 0, 0, 0) and config.rgb_distortion == (0.1, 0, 0, 0, 0.2)
+    assert (config.ir_line_time_s, config.rgb_line_time_s, config.rgb_exposure_s) == (1e-4, 2e-4, 3e-3)
+    assert config.ir_readout == config.rgb_readout == "rows_up"
+    fisheye = make_parser().parse_args(["simulate", "x.gltf", "--out", "x", "--ir-fisheye", "0.1,0,0,0"])
+    assert simulate.make_config(fisheye).ir_distortion == (0.1, 0, 0, 0)
 
 
 def test_depth_of_a_pair(process, pair, tmp_path):
@@ -187,7 +202,11 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     ones = "1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1"
     assert_refused(run("simulate", table_top, "--camera-to-world", ones, "--camera", "0", *out), "give one of them")
     assert_refused(run("simulate", table_top, "--effects", tmp_path / "mine.py", *out), "mine.py", "give --model")
+    assert_refused(run("simulate", table_top, "--ir-distortion", "0.1,0.2", *out), "4 or 5 or 8")
+    assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
+    assert_refused(run("simulate", table_top, "--velocity", "300,0,0", *out), "300", "divide mm/s by 1000")
     assert_refused(run("simulate", table_top, "--laser-power", "0.15", *out), "0.15", "multiply watts by 1000")
+    assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time-s")
     assert_refused(run("simulate", table_top, "--device", "97", *out), "97")
     assert_refused(run("simulate", table_top, "--device", "best", *out), "best", "auto")
     assert_refused(run("simulate", table_top, "--spp", "0", *out), "--spp")
