@@ -143,13 +143,13 @@ def ir_intrinsics(config: StereoDepthSensorConfig, is_right: bool) -> tuple[np.n
 def signal_parameters(config: StereoDepthSensorConfig) -> dict[str, float]:
     """Returns all parameters of both infrared imagers at gain 1. The configuration's responsivity and black level are
     included."""
-    signal = simsense.signal_preset("neutral") | _stated_signal(config)
+    signal = simsense.signal_preset("neutral") | stated_signal(config)
     signal["responsivity_e"] *= config.ir_responsivity_dn
     signal["black_level_dn"] += config.ir_black_level_dn
     return signal
 
 
-def _stated_signal(config: StereoDepthSensorConfig) -> dict[str, float]:
+def stated_signal(config: StereoDepthSensorConfig) -> dict[str, float]:
     """Returns the parameters of ir_signal, or those of SAPIEN's noise if that is None; others are neutral."""
     signal = config.ir_signal
     if isinstance(signal, str):
@@ -172,7 +172,7 @@ _NOISE = ("hot_pixel_share", *(p.name for p in SIGNAL if p.is_noise))
 
 def remove_noise(config: StereoDepthSensorConfig) -> None:
     """Switches the imagers' noise off. What else ir_signal states stays: gains, response, black level, bits."""
-    config.ir_signal = _stated_signal(config) | dict.fromkeys(_NOISE, 0.0)
+    config.ir_signal = stated_signal(config) | dict.fromkeys(_NOISE, 0.0)
     config.ir_speckle_noise, config.ir_thermal_noise, config.ir_speckle_of_laser = 1.0, 1.0, False
 
 

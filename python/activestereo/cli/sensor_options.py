@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Adds the options that describe a sensor: one for each parameter of the engines' generated tables, lenses, shutters
-and motion. Also writes maps and lines for both simulate and depth."""
+and motion, and NAME=X fields of imagers and optics. Also writes maps and lines for both simulate and depth."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 import simsense
-from activestereo.camera.config_limits import Readout
+from activestereo.camera.plan import stated_signal
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
 from activestereo.common.output_files import write_png
@@ -124,6 +124,56 @@ def matching_line(engine: simsense.Engine) -> str:
     return f"matching: disparities {first}..{last}, {windows}, {penalties}, {checks}, {depths}"
 
 
+_MORE = "may be given several times; in Python {} has all"
+
+
+def add_records(group: argparse._ArgumentGroup) -> None:
+    text = "the infrared imagers: one of simsense's presets (d435, paper-d415, sapien, neutral), or a field of "
+    text += "theirs; " + _MORE.format("simsense.signal_preset('neutral')")
+    group.add_argument("--ir-signal", action="append", default=[], type=_field, metavar="PRESET|NAME=X", help=text)
+    for camera, whose in (("ir", "infrared cameras'"), ("rgb", "RGB camera's")):
+        text = f"a field of the {whose} optics, as psf_sigma_px=0.7; {_MORE.format('help(kuafu.Optics)')}"
+        group.add_argument(f"--{camera}-optics", action="append", default=[], type=_field, metavar="NAME=X", help=text)
+
+
+def _field(text: str) -> tuple[str, float | int | list[float] | None]:
+    """Parses NAME=X or NAME=X,Y,... into (name, number or list of numbers). A text without "=" gives (name, None)."""
+    name, equals, value = text.partition("=")
+    if not name or (equals and not value):
+        raise argparse.ArgumentTypeError(f"a field is NAME=NUMBER or NAME=NUMBER,NUMBER,..., not '{text}'")
+    if not equals:
+        return name, None
+    found = [int(part) if part.strip().removeprefix("-").isdecimal() else cli.real(part) for part in value.split(",")]
+    return name, found[0] if len(found) == 1 else found
+
+
+def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> None:
+    """Writes the fields that --ir-signal, --ir-optics and --rgb-optics give into the configuration; other fields keep
+    their values."""
+    if args.ir_signal:
+        signal, neutral = stated_signal(config), simsense.signal_preset("neutral")
+        for name, value in args.ir_signal:
+            if value is None:
+                signal = simsense.signal_preset(name)
+            elif name not in neutral or isinstance(value, list):
+                raise cli.CommandError(
+                    f"--ir-signal {name}: an imager's fields are {', '.join(neutral)}, each one number"
+                )
+            elif name == "exposure_s":
+                raise cli.CommandError("--ir-signal exposure_s: --ir-exposure states it")
+            elif name == "black_level_dn":  # the sensor adds the configuration's to the signal's
+                config.ir_black_level_dn = value - signal.get(name, 0.0)
+            else:
+                signal[name] = value
+        config.ir_signal = signal
+    for name, fields in (("ir_optics", args.ir_optics), ("rgb_optics", args.rgb_optics)):
+        for field, value in fields:
+            setattr(config, name, (getattr(config, name) or {}) | {field: value})
+
+
+READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
+
+
 def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
         lens = group.add_mutually_exclusive_group()
@@ -141,8 +191,8 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, cameras in (("ir", "the infrared cameras"), ("rgb", "the RGB camera")):
         words = f"rolling shutter of {cameras}: {text}"
         group.add_argument(f"--{camera}-line-time-s", type=cli.positive, metavar="S", help=words)
-    text = f"the way their lines go, {' | '.join(get_args(Readout))}; a sensor built in upside down has rows_up"
-    group.add_argument("--readout", choices=get_args(Readout), metavar="NAME", help=f"{text} (default: rows_down)")
+    text = f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up"
+    group.add_argument("--readout", choices=READOUTS, metavar="NAME", help=f"{text} (default: rows_down)")
     text = "how long the RGB camera is open, which only blurs what moves (default: 0)"
     group.add_argument("--rgb-exposure-s", type=cli.positive, metavar="S", help=text)
 

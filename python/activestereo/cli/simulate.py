@@ -102,9 +102,10 @@ def add_parser(commands: cli.Commands) -> None:
     view.add_argument("--resolution", type=cli.size, metavar="WxH", help=text)
     _add_light(parser.add_argument_group("light and noise"))
     options.add_camera_options(parser.rare_group("lenses, shutters and motion"))
-    rendering = parser.rare_group("rendering")
+    rendering = parser.rare_group("rendering and records")
     options.add_options(rendering, RENDERER, _OF_THE_CAMERA)
     options.add_options(rendering, [p for p in RENDER if p not in _USUAL], _OF_THE_CAMERA)
+    options.add_records(rendering)
     options.add_matching(parser, SAPIEN_DEFAULTS | _OF_THE_CAMERA)
 
 
@@ -219,6 +220,7 @@ def make_config(
         config.ir_camera_exposure = args.ir_exposure
     for name, value in options.given_parameters(args, MATCHER, RIG, RENDERER, RENDER).items():
         setattr(config, name, value)
+    options.set_records(config, args)
     config.depth_maps = options.wanted_maps(args)
     if args.no_noise:
         remove_noise(config)

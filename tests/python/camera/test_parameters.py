@@ -12,10 +12,11 @@ import simsense
 from activestereo import StereoDepthSensorConfig
 from depth_engines import depth_engine
 from activestereo.cli import make_parser
+from activestereo.cli.arguments import CommandError
 from activestereo.cli.sensor_options import given_parameters
 from activestereo.cli.simulate import make_config
 from activestereo.common.parameter import MATCHER, RENDER, RENDERER, RIG, Parameter
-from activestereo.camera.plan import matcher_parameters, parameters, remove_noise, signal_parameters
+from activestereo.camera.plan import matcher_parameters, parameters, signal_parameters
 from activestereo.camera.presets import OF_THE_CAMERA, SAPIEN_DEFAULTS, SAPIEN_NAMES
 
 OF_THE_SENSOR = {"noise_seed", "frame_index"}  # what a sensor counts itself
@@ -127,12 +128,44 @@ def test_an_option_out_of_range_is_refused_before_any_work(
     assert words in capsys.readouterr().err
 
 
-def test_without_noise_the_imagers_keep_their_response() -> None:
-    config = StereoDepthSensorConfig()
-    config.ir_signal = dict(config.ir_signal) | {"response_exponent": 0.5, "read_noise_e": 9.0}
-    remove_noise(config)
-    left = signal_parameters(config)
-    assert (left["response_exponent"], left["read_noise_e"], left["shot_noise"]) == (0.5, 0.0, 0.0)
+def test_fields_of_optics_and_imagers_are_options() -> None:
+    options = "--ir-optics psf_sigma_px=0.7 --ir-optics vignetting_polynomial=-0.3,0.1,0 "
+    options += "--rgb-optics vignetting_exponent=4 --ir-signal d435 --ir-signal read_noise_e=2 --ir-signal bit_depth=10"
+    config, own = make_config(parse("simulate", *options.split())), StereoDepthSensorConfig().ir_optics or {}
+    assert config.ir_optics == own | {"psf_sigma_px": 0.7, "vignetting_polynomial": [-0.3, 0.1, 0]}
+    assert config.rgb_optics == {"vignetting_exponent": 4}
+    assert config.ir_signal == simsense.signal_preset("d435") | {"read_noise_e": 2, "bit_depth": 10}
+
+
+@pytest.mark.parametrize("sensor", ["D435", "sapien-D435"])
+def test_a_field_of_an_imager_leaves_the_others_as_they_are(sensor: str) -> None:
+    usual = signal_parameters(StereoDepthSensorConfig(sensor))
+    assert usual["speckle_shape"] > 0.0
+    config = make_config(parse("simulate", "--sensor", sensor, "--ir-signal", "read_noise_e=2"))
+    assert signal_parameters(config) == usual | {"read_noise_e": 2}
+
+
+@pytest.mark.parametrize("preset", [(), ("--ir-signal", "paper-d415")])
+def test_a_stated_black_level_is_that_of_the_images(preset: tuple[str, ...]) -> None:
+    config = make_config(parse("simulate", *preset, "--ir-signal", "black_level_dn=40"))
+    assert signal_parameters(config)["black_level_dn"] == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--ir-optics", "psf=1"), "psf_sigma_px"),
+        (("--ir-optics", "vignetting_polynomial=1"), "3 numbers"),
+        (("--rgb-optics", "psf_sigma_px=1,2"), "expected a finite number"),
+        (("--ir-signal", "read_noise=2"), "read_noise_e"),
+        (("--ir-signal", "d400"), "d435"),
+        (("--ir-signal", "exposure_s=0.01"), "--ir-exposure states it"),
+        (("--ir-signal", "black_level_dn=80"), "expected more than the black level, 80"),
+    ],
+)
+def test_a_field_that_no_record_has_is_refused(options: tuple[str, ...], words: str) -> None:
+    with pytest.raises((CommandError, ValueError), match=words):
+        make_config(parse("simulate", *options))
 
 
 @pytest.mark.parametrize("name", OF_THE_CAMERA)

@@ -206,6 +206,7 @@ def test_simulate_refuses_what_is_wrong(run, table_top, tmp_path):
     assert_refused(run("simulate", table_top, "--velocity", "1,2", *out), "3 or 6")
     assert_refused(run("simulate", table_top, "--velocity", "300,0,0", *out), "300", "divide mm/s by 1000")
     assert_refused(run("simulate", table_top, "--laser-power", "0.15", *out), "0.15", "multiply watts by 1000")
+    assert_refused(run("simulate", table_top, "--ir-signal", "temperature_c=298", *out), "subtract 273.15 from kelvin")
     assert_refused(run("simulate", table_top, "--readout", "rows_up", *out), "--ir-line-time-s")
     assert_refused(run("simulate", table_top, "--device", "97", *out), "97")
     assert_refused(run("simulate", table_top, "--device", "best", *out), "best", "auto")

@@ -116,6 +116,16 @@ def test_noise_and_the_laser_are_switched_off(ran, tmp_path: Path) -> None:
     assert np.std(pictures[0] - pictures[1]) > 0.3 and pictures[1].std() > 1.0 and pictures[2].std() == 0.0
 
 
+def test_without_noise_the_imagers_keep_their_response(ran, tmp_path: Path) -> None:
+    """A bent response brightens what is below full scale."""
+    means, room = [], _room(tmp_path / "a.glb", None)
+    for exponent in (1.0, 0.5):
+        of_ir = ("--ir-signal", f"response_exponent={exponent}", "--ir-signal", "read_noise_e=9", "--no-noise")
+        ran("simulate", room, *_QUICK, "--ir-exposure", "0.001", *of_ir, "-o", tmp_path / "out")
+        means.append(np.asarray(Image.open(tmp_path / "out/ir_left.png")).astype(float).mean())
+    assert means[1] > 1.2 * means[0]
+
+
 def test_a_model_states_infrared_albedos_by_the_names_of_materials(ran, tmp_path: Path) -> None:
     """As examples/guide/infrared_materials.md says; a name that the scene lacks is told, and so are files without."""
     wedge = _tetrahedron(tmp_path / "a.obj", 0.2)
