@@ -7,11 +7,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 import simsense
+from activestereo.camera.config_limits import Readout
 from activestereo.camera.plan import stated_signal
 from activestereo.camera.presets import StereoDepthSensorConfig
 from activestereo.cli import arguments as cli
@@ -171,9 +172,6 @@ def set_records(config: StereoDepthSensorConfig, args: argparse.Namespace) -> No
             setattr(config, name, (getattr(config, name) or {}) | {field: value})
 
 
-READOUTS = ("rows_down", "rows_up", "columns_right", "columns_left")
-
-
 def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, whose in (("ir", "both infrared cameras'"), ("rgb", "the RGB camera's")):
         lens = group.add_mutually_exclusive_group()
@@ -191,8 +189,8 @@ def add_camera_options(group: argparse._ArgumentGroup) -> None:
     for camera, cameras in (("ir", "the infrared cameras"), ("rgb", "the RGB camera")):
         words = f"rolling shutter of {cameras}: {text}"
         group.add_argument(f"--{camera}-line-time-s", type=cli.positive, metavar="S", help=words)
-    text = f"the way their lines go, {' | '.join(READOUTS)}; a sensor built in upside down has rows_up"
-    group.add_argument("--readout", choices=READOUTS, metavar="NAME", help=f"{text} (default: rows_down)")
+    text = f"the way their lines go, {' | '.join(get_args(Readout))}; a sensor built in upside down has rows_up"
+    group.add_argument("--readout", choices=get_args(Readout), metavar="NAME", help=f"{text} (default: rows_down)")
     text = "how long the RGB camera is open, which only blurs what moves (default: 0)"
     group.add_argument("--rgb-exposure-s", type=cli.positive, metavar="S", help=text)
 

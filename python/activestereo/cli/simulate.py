@@ -408,11 +408,11 @@ def light_lines(share: LightShare | None, added: float | None, chosen: str) -> l
 
 
 def warn_of_light(share: LightShare | None) -> None:
-    """Warns on stderr if the projector's dots hardly stand out, and names the brightest other kind of light."""
+    """Warns on stderr if the projector's dots hardly stand out, and names the brightest other light."""
     if share is None or share.projector >= LEAST_SHARE or share.brightest is None:
         return
-    light = f"{_percent(share.brightest_share)} of their light is from {share.brightest}"
-    cli.say(f"the dots hardly stand out: {light}, {_percent(share.projector)} from the projector")
+    light = f"{share.brightest} gives {_percent(share.brightest_share)} of their light"
+    cli.say(f"the dots hardly stand out: {light}, the projector {_percent(share.projector)}")
 
 
 def warn_of_full_pixels(counts: np.ndarray, full_dn: int) -> None:

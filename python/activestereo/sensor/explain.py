@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Explains a picture: how much each kind of light contributes to its infrared light, and why a body is not visible in
-it."""
+"""Explains a picture: how much each light contributes to its infrared light, and why a body is not visible in it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 import kuafu
 from activestereo.common.pose import camera_to_world
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
     from activestereo.sensor.sensor import StereoDepthSensor
 
 
+_Record = TypeVar("_Record")
 _SAMPLES = 4  # few per pixel, because only means over many pixels are used
-_GROUPS = {"lamps": LAMPS, "shining surfaces": SURFACES, "the surroundings": ALL_SIDES}
+_GROUPS = {group: f"light_group_{group}" for group in (LAMPS, SURFACES, ALL_SIDES)}
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class LightShare:
     pixels that the projector lights most count; without a projector all do.
 
     distance_m: median distance of these pixels. projector: the projector's share of their light, 0..1. brightest,
-    brightest_share: the brightest other kind of light and its share; None if there is none."""
+    brightest_share: name and share of the brightest other light; None if there is none."""
 
     distance_m: float
     projector: float
@@ -39,7 +41,7 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
     """Measures LightShare by a render with few samples and separate outputs for each group of lights. Returns None if
     the picture shows no surface or no infrared light."""
     has_projector = sensor.get_config().light_pattern is not None
-    names = ["depth", *(f"light_group_{group}" for group in _GROUPS.values()), *["projector"] * has_projector]
+    names = ["depth", "position", *_GROUPS.values(), *(["projector"] if has_projector else [])]
     seen = sensor.get_pictures(names, "left", samples_per_pixel=_SAMPLES, denoise="none")
     # Measure at surfaces in the middle third of the picture, or in all of it if the middle shows none.
     has_surface = seen["depth"][..., 0] > 0
@@ -51,22 +53,69 @@ def light_share(sensor: StereoDepthSensor) -> LightShare | None:
         middle = has_surface
     if not middle.any():
         return None
-    distance_m = float(np.median(seen["depth"][middle]))
+    distance_m, place = float(np.median(seen["depth"][middle])), np.median(seen["position"][middle], axis=0)
     if has_projector:
         dots = seen["projector"][..., 0]
         middle &= dots >= np.quantile(dots[middle], 0.9)
-    light = {name: float(np.mean(seen[name][middle])) for name in names[1:]}
+    light = {name: float(np.mean(seen[name][middle])) for name in names[2:]}
     total = sum(light.values())
     if total <= 0.0:
         return None
-    shares = {name: light[f"light_group_{group}"] / total for name, group in _GROUPS.items()}
-    name = max(shares, key=lambda kind: shares[kind])
+    group = max(_GROUPS, key=lambda number: light[_GROUPS[number]])
+    share = light[_GROUPS[group]] / total
+    name, part = _brightest(sensor.scene, group, place)
     return LightShare(
         distance_m=distance_m,
         projector=light.get("projector", 0.0) / total,
-        brightest=name if shares[name] > 0.0 else None,
-        brightest_share=shares[name],
+        brightest=name if share > 0.0 else None,
+        brightest_share=share * part,
     )
+
+
+def _brightest(scene: kuafu.Scene, group: int, point: NDArray[np.floating[Any]]) -> tuple[str, float]:
+    """Returns (name, share of the group's light) of the brightest light in a group, by its unshadowed irradiance at
+    `point`."""
+    if group == ALL_SIDES:
+        return "the light from all sides", 1.0
+    if group == SURFACES:
+        materials = _present(scene.get_material, scene.summary.material_count)
+        level = [material.ir_emission for material in materials]
+        count = sum(value > 0 for value in level)
+        name = f"'{materials[int(np.argmax(level))].name}'"
+        return (name if count == 1 else f"{name} and {count - 1} other shining surfaces"), 1.0
+    lights = _present(scene.get_light, scene.summary.light_count)
+    falls = [0.0 if light.kind == "projector" else _irradiance(light, point) for light in lights]
+    best = int(np.argmax(falls))
+    name = lights[best].name or f"lamp {best}"
+    return f"'{name}'", falls[best] / max(sum(falls), 1e-30)
+
+
+def _present(get: Callable[[int], _Record], count: int) -> list[_Record]:
+    """Returns the first `count` records of get(number). Skips numbers whose record was removed, such as a model's
+    lights."""
+    out: list[_Record] = []
+    number = 0
+    while len(out) < count:
+        try:
+            out.append(get(number))
+        except kuafu.ArgumentError:
+            pass
+        number += 1
+    return out
+
+
+def _irradiance(light: kuafu.Light, point: NDArray[np.floating[Any]]) -> float:
+    """Returns a light's infrared irradiance, W/m^2, at `point` on a surface facing it, before the camera's
+    ir_ambient_scale."""
+    pose = np.asarray(light.light_to_world)
+    level = (light.ir_share or 1.0) * light.intensity[0] if light.ir_intensity is None else light.ir_intensity
+    if light.kind == "directional":
+        return level
+    away = point - pose[:3, 3]
+    square = max(float(away @ away), 1e-12)
+    if light.kind == "spot" and away @ pose[:3, 2] < np.cos(light.outer_rad) * np.sqrt(square):
+        return 0.0
+    return level / square
 
 
 _SIDE = 256  # pixels of each face of the cube around the camera

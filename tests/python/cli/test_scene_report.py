@@ -83,13 +83,13 @@ def test_a_body_of_opacity_0(run, monkeypatch, tmp_path: Path, options: tuple[st
 
 
 @pytest.mark.parametrize(("lamp_w_sr", "drowns"), [(0.1, False), (5000.0, True)])
-def test_light_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: float, drowns: bool) -> None:
+def test_the_lamp_that_drowns_the_dots_is_named(run, tmp_path: Path, lamp_w_sr: float, drowns: bool) -> None:
     result = run("simulate", _room(tmp_path / "a.glb", lamp_w_sr), *_QUICK, "--out", tmp_path / "out")
     told = " ".join(result.stdout.split())
     assert "infrared at the dots (1.00 m): projector" in told and "room" not in told and "view:" not in told
     said = [line for line in result.stderr.splitlines() if "dots hardly stand out" in line]
     assert bool(said) == drowns
-    assert all("100 % of their light is from lamps" in line for line in said)
+    assert all("'floodlight' gives 100 %" in line for line in said)
 
 
 @pytest.mark.parametrize(("exposure_s", "is_full"), [("0.005", False), ("0.5", True)])
