@@ -14,15 +14,16 @@ camera's pose. Axes are those of REP 103's optical frames.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from activestereo.benchmarks.generate.bop import FRAMES_PER_S, Stored, stored_frames
 from activestereo.common.input_files import read_json
+from activestereo.common.mcap_file import ROSBAGS, McapFile, camera_info_message, header_message, image_message
 from activestereo.common.optional import imported
 
 _STATE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -32,7 +33,7 @@ _PACKAGES = {
         "lerobot.datasets.lerobot_dataset",
         "lerobot is missing: pip install 'lerobot[dataset]', which needs Python 3.12",
     ),
-    "mcap": ("rosbags", "rosbags is missing: pip install rosbags"),
+    "mcap": ROSBAGS,
 }
 
 
@@ -72,66 +73,45 @@ _COLOR = "camera_color_optical_frame"
 
 
 def write_mcap(out: Path, count: int, to: Path) -> None:
-    """Writes frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist: one .mcap file and
-    its metadata, as `ros2 bag record` writes them. All topics are reliable, and their queues keep one message."""
-    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store, infrared = get_typestore(Stores.ROS2_HUMBLE), read_json(out / "ir_cameras.json")
-    connections: dict[str, Any] = {}
-    never = QosTime(9223372036, 854775807)  # an infinite duration, as a recording stores it
-    kept = QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.VOLATILE
-    quality = Qos(*kept, never, never, QosLiveliness.AUTOMATIC, never, False)
-
-    def make(kind: str, **fields: Any) -> Any:
-        return store.types[kind](**fields)
-
-    with Writer(to, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    """Writes frames 0 to count - 1 of the data set `out` into the folder `to`, which must not exist."""
+    infrared = read_json(out / "ir_cameras.json")
+    with McapFile(to) as file:
         for frame in stored_frames(out, count):
-            time_ns = frame.number * 10**9 // FRAMES_PER_S
-            stamp = make("builtin_interfaces/msg/Time", sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-            for topic, kind, axes, fields in _messages(make, frame, infrared):
-                if topic not in connections:
-                    options = {"typestore": store, "offered_qos_profiles": [quality]}
-                    connections[topic] = writer.add_connection(topic, kind, **options)
-                message = make(kind, header=make("std_msgs/msg/Header", stamp=stamp, frame_id=axes), **fields)
-                writer.write(connections[topic], time_ns, store.serialize_cdr(message, kind))
+            _write_frame(file, frame, infrared)
 
 
-def _messages(
-    make: Callable[..., Any], frame: Stored, infrared: dict[str, Any]
-) -> Iterator[tuple[str, str, str, dict[str, Any]]]:
-    """Yields (topic, type, axes, fields without the header) of each of a frame's messages. make(type, **fields): makes
-    a message."""
-    left, right, color = infrared["ir_left"], infrared["ir_right"], {"cam_K": frame.k, "distortion": [0.0] * 5}
-    tx = -float(right["cam_K"][0]) * float(infrared["baseline_m"])  # of a right camera's P, pixels times metres
-    gray = "mono8" if frame.ir_left.dtype == np.uint8 else "mono16"
+def _write_frame(file: McapFile, frame: Stored, infrared: dict[str, Any]) -> None:
+    time_ns = frame.number * 10**9 // FRAMES_PER_S
+    left, right = infrared["ir_left"], infrared["ir_right"]
+    lens, none = [0.0] * 5, 0.0
     streams: tuple[tuple[Any, ...], ...] = (
-        ("color", "image_raw", frame.rgb, "rgb8", _COLOR, color, 0.0),
-        ("aligned_depth_to_color", "image_raw", frame.depth_mm.astype(np.uint16), "16UC1", _COLOR, color, 0.0),
-        ("infra1", "image_rect_raw", frame.ir_left, gray, "camera_infra1_optical_frame", left, 0.0),
-        ("infra2", "image_rect_raw", frame.ir_right, gray, "camera_infra2_optical_frame", right, tx),
-    )
-    for name, image, pixels, encoding, axes, camera, shift in streams:
-        size = {"height": pixels.shape[0], "width": pixels.shape[1]}
-        data = np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8)
-        rows = {"encoding": encoding, "is_bigendian": 0, "step": data.size // pixels.shape[0], "data": data}
-        yield f"/camera/{name}/{image}", "sensor_msgs/msg/Image", axes, size | rows
-        k, d = np.reshape(np.array(camera["cam_K"], np.float64), (3, 3)), np.array(camera["distortion"], np.float64)
-        lens = {"distortion_model": "plumb_bob", "d": d, "k": k.ravel(), "r": np.eye(3).ravel()}
-        lens |= {"p": np.hstack([k, [[shift], [0.0], [0.0]]]).ravel(), "binning_x": 0, "binning_y": 0}
-        whole = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
-        lens["roi"] = make("sensor_msgs/msg/RegionOfInterest", **whole)
-        yield f"/camera/{name}/camera_info", "sensor_msgs/msg/CameraInfo", axes, size | lens
-    turn = map(float, Rotation.from_matrix(frame.camera_to_world[:3, :3]).as_quat())
-    place = map(float, frame.camera_to_world[:3, 3])
-    pose = make(
+        ("color", "image_raw", frame.rgb, "rgb8", _COLOR, frame.k, lens, none),
+        ("aligned_depth_to_color", "image_raw", frame.depth_mm.astype(np.uint16), "16UC1", _COLOR, frame.k, lens, none),
+        ("infra1", "image_rect_raw", frame.ir_left, None, "camera_infra1_optical_frame", *_lens(left), none),
+        ("infra2", "image_rect_raw", frame.ir_right, None, "camera_infra2_optical_frame", *_lens(right),
+         -float(right["cam_K"][0]) * float(infrared["baseline_m"])),
+    )  # fmt: skip
+    for name, image, pixels, encoding, axes, k, distortion, tx in streams:
+        topic = f"/camera/{name}"
+        encoding = encoding or ("mono8" if pixels.dtype == np.uint8 else "mono16")
+        header = header_message(file.make, time_ns, axes)
+        message = image_message(file.make, header, pixels, encoding)
+        file.write(f"{topic}/{image}", "sensor_msgs/msg/Image", message, time_ns)
+        info = camera_info_message(file.make, header, pixels.shape[0], pixels.shape[1], k, distortion, tx)
+        file.write(f"{topic}/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns)
+    x, y, z, w = Rotation.from_matrix(frame.camera_to_world[:3, :3]).as_quat()
+    at = dict(zip("xyz", map(float, frame.camera_to_world[:3, 3]), strict=True))
+    pose = file.make(
         "geometry_msgs/msg/Pose",
-        position=make("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True))),
-        orientation=make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn, strict=True))),
+        position=file.make("geometry_msgs/msg/Point", **at),
+        orientation=file.make("geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w)),
     )
-    yield "/camera/pose", "geometry_msgs/msg/PoseStamped", "world", {"pose": pose}
+    kind, header = "geometry_msgs/msg/PoseStamped", header_message(file.make, time_ns, "world")
+    file.write("/camera/pose", kind, file.make(kind, header=header, pose=pose), time_ns)
+
+
+def _lens(camera: dict[str, Any]) -> tuple[NDArray[np.float64], list[float]]:
+    return np.reshape(np.array(camera["cam_K"], np.float64), (3, 3)), list(camera["distortion"])
 
 
 FORMATS = {"lerobot": write_lerobot, "mcap": write_mcap}

@@ -57,6 +57,7 @@ from activestereo.integrations.realsense.pipeline import (
     sensor,
     simulate,
 )
+from activestereo.integrations.realsense.ros_topics import write_topics
 
 
 def __getattr__(name: str) -> NoReturn:

@@ -247,7 +247,7 @@ class config:
         raise RuntimeError(f"{file_name}: a simulated camera plays no recordings: 'activestereo import' reads them")
 
     def enable_record_to_file(self, file_name: str) -> None:
-        raise RuntimeError(f"{file_name}: a simulated camera records nothing: keep its frames' get_data()")
+        raise RuntimeError(f"{file_name}: record with write_topics()")
 
     def resolve(self, p: pipeline) -> pipeline_profile:
         return pipeline_profile(p.device(), self)
