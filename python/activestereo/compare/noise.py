@@ -120,10 +120,12 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
     size = int(max_dn) + 1
     counts = np.sum([np.bincount(np.rint(i).astype(int).ravel(), minlength=size) for i in images], axis=0)
     counts[0] = counts[-1] = 0  # clipped
-    total, order = int(counts.sum()), np.argsort(-counts, kind="stable")
-    most = 1 + int(np.searchsorted(np.cumsum(counts[order]), _COMB_SHARE * total))
+    total, order, occurring = int(counts.sum()), np.argsort(-counts, kind="stable"), np.flatnonzero(counts)
+    if len(occurring) < _LEAST_LEVELS:
+        return None
+    most = max(_LEAST_LEVELS, 1 + int(np.searchsorted(np.cumsum(counts[order]), _COMB_SHARE * total)))
     used = np.sort(order[:most])
-    if total == 0 or len(used) < _LEAST_LEVELS or len(used) > _MOST_USED * (used[-1] - used[0] + 1):
+    if len(used) > _MOST_USED * (used[-1] - used[0] + 1):
         return None
     spectrum = np.fft.rfft(np.bincount(used, minlength=size) / len(used), _FINER * size)
     peak, frequency = np.abs(spectrum), np.arange(len(spectrum)) / (_FINER * size)
@@ -132,11 +134,23 @@ def comb_of(images: Iterable[np.ndarray], max_dn: float) -> Comb | None:
     steps = 1.0 / np.maximum(np.concatenate([frequency[likely], 1.0 - frequency[likely]]), 1e-12)
     for step in sorted(steps[(steps >= _NARROWEST) & (steps <= _WIDEST)], reverse=True):
         if (lines := _rounded_lines(used, step)) is not None:
-            (narrow, _), (wide, _), (middle, offset) = *lines, lines.mean(axis=0)
-            occurring = np.nonzero(counts)[0]
-            away = (occurring - offset + 0.5 * middle) % middle - 0.5 * middle
-            return Comb((narrow, wide), occurring[np.abs(away) < 0.51], total)
+            lines, levels = _with_rare_levels(lines, used, occurring)
+            return Comb((lines[0, 0], lines[1, 0]), levels, total)
     return None
+
+
+def _with_rare_levels(lines: np.ndarray, used: np.ndarray, occurring: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the _rounded_lines() of all occurring levels that some comb between `lines` rounds to, and these levels.
+    Rare levels are bright, far from the others: they tell the step best."""
+    while True:
+        middle, offset = lines.mean(axis=0)
+        number = np.rint((occurring - offset) / middle)
+        low, high = np.sort(np.outer(lines[:, 0], number) + lines[:, 1:], axis=0)
+        near = occurring[(occurring > low - 0.51) & (occurring < high + 0.51) & (high - low < 0.5 * middle)]
+        finer = _rounded_lines(near, middle) if len(near) > len(used) else None
+        if finer is None:
+            return lines, near
+        lines, used = finer, near
 
 
 def _rounded_lines(levels: np.ndarray, step: float) -> np.ndarray | None:
@@ -144,6 +158,8 @@ def _rounded_lines(levels: np.ndarray, step: float) -> np.ndarray | None:
     if there is none."""
     turn = np.exp(2j * np.pi * levels / step).sum()
     number = np.rint(levels / step - np.angle(turn) / (2.0 * np.pi))
+    if (np.diff(number) < 1).any():  # two levels of one number fit where their middle is its value
+        return None
     line = np.stack([number, np.ones(len(levels))], axis=1)
     within = {"A_ub": np.concatenate([line, -line]), "b_ub": np.concatenate([levels + 0.5, 0.5 - levels])}
     found = [linprog([sign, 0.0], **within, bounds=(None, None)) for sign in (1.0, -1.0)]

@@ -85,12 +85,15 @@ def test_the_mean_error_of_rounding_is_what_many_exposures_show():
     assert comb_of([rng.integers(0, 200, (50, 50))], 255) is None
 
 
-@pytest.mark.parametrize("step", np.geomspace(1.7, 20.0, 24).round(4))
+@pytest.mark.parametrize("step", np.geomspace(1.7, 22.0, 24).round(4))
 @pytest.mark.parametrize("phase", [0.0, 0.37, 0.5])
-def test_coarse_steps_of_any_width_and_offset_are_found(step, phase):
-    light = np.random.default_rng(7).gamma(2.0, 15.0, 60_000) + 5.0
-    comb = comb_of([np.clip(np.rint(step * (np.floor(light / step) + phase)), 0, 255)], 255)
+@pytest.mark.parametrize("shape", [1.0, 2.0])  # of the light's distribution: in 1.0, four levels hold nearly all pixels
+def test_coarse_steps_of_any_width_and_offset_are_found(step, phase, shape):
+    light = np.random.default_rng(7).gamma(shape, 15.0, 60_000) + 5.0
+    image = np.clip(np.rint(step * (np.floor(light / step) + phase)), 0, 255)
+    comb = comb_of([image], 255)
     assert comb.limits_dn[0] <= step <= comb.limits_dn[1] and comb.step_dn == pytest.approx(step, rel=0.02)
+    assert np.setdiff1d(image, [0, 255]).tolist() == comb.levels.tolist()
 
 
 # Of one sample, relative. Much more of it and the fitted scales would be too small: noisy regressors attenuate.
