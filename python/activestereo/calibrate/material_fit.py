@@ -402,14 +402,14 @@ class Refined:
 
 def refine(
     fit: MaterialFit, theta: NDArray[np.float64], reaches: Sequence[float], samples: int,
-    tell: Progress = silent,
+    progress: Progress = silent,
 ) -> Refined:  # fmt: skip
     """Improves a candidate by Gauss-Newton, once for each of `reaches`. Derivatives come from renders of several
     variants, whose distance from their middle is the reach. samples: per pixel in each half of a variant's render. New
     candidates are judged with four times as many."""
     best = fit.residuals(theta, 4 * samples)
     for number, reach in enumerate(reaches):
-        part = part_of(tell, number / len(reaches), (number + 1) / len(reaches))
+        part = part_of(progress, number / len(reaches), (number + 1) / len(reaches))
         # Derivatives [half][residual][parameter], around the place nearest to theta whose design lies within the range.
         size = len(theta)
         half = hadamard(1 << (size - 1).bit_length())[:, :size]

@@ -70,7 +70,7 @@ class Materials:
 
 def calibrate_materials(
     path: Path, object_name: str, seed: int = 0, device: str = "auto", model: SensorModel | None = None,
-    tell: Progress = silent,
+    progress: Progress = silent,
 ) -> Materials:  # fmt: skip
     """Measures the materials of an object in the capture at `path`. model: a known rig and pattern in place of the
     capture's. Raises ValueError with the fault: no such object, a part without material, two surfaces of one name, out
@@ -88,18 +88,18 @@ def calibrate_materials(
     seen = pictures(scene, capture, surfaces)
     fit = MaterialFit(scene, seen, surfaces, seed)
     nominal = fit.start()
-    ranked = _wide(fit, nominal, seed, part_of(tell, 0.0, 0.5))
+    ranked = _wide(fit, nominal, seed, part_of(progress, 0.0, 0.5))
     scenes_own = fit.with_colors(nominal, _FINE_SAMPLES)
     # The best candidate with another roughness than the first one's, or the second one if all have the same.
     rough = np.array([name == "roughness" for _, name in fit.parameters])
     apart = (theta for theta in ranked[1:] if np.abs(theta - ranked[0])[rough].max() > _OTHER_ROUGHNESS)
     starts = [ranked[0], next(apart, ranked[1]), scenes_own]
     firsts = [
-        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(tell, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
+        refine(fit, theta, (_FIRST_REACH,), _FINE_SAMPLES, part_of(progress, 0.5 + 0.1 * k, 0.6 + 0.1 * k))
         for k, theta in enumerate(starts)
     ]
     better = min(firsts, key=lambda refined: refined.residuals.loss).theta
-    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(tell, 0.8, 1.0))
+    best = refine(fit, better, _REACHES, _FINE_SAMPLES, part_of(progress, 0.8, 1.0))
     before = fit.residuals(scenes_own, _FINE_SAMPLES).loss
     source = f"calibrate materials: {len(seen)} pictures of {capture.name}"
     # Separate the determined values from those that these pictures leave open.
@@ -125,13 +125,13 @@ def calibrate_materials(
         if any(name in COLORS for name in open_[surface]):
             colors.pop(surface, None)
             open_[surface] = [name for name in open_[surface] if name not in COLORS] + ["colour"]
-    tell(1.0)
+    progress(1.0)
     undetermined = {surface: tuple(fields) for surface, fields in open_.items()}
     losses = before, best.residuals.loss
     return Materials(object_name, found, undetermined, losses, fit.renders, tuple(p.name for p in seen), colors)
 
 
-def _wide(fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Progress) -> list[NDArray[np.float64]]:
+def _wide(fit: MaterialFit, nominal: NDArray[np.float64], seed: int, progress: Progress) -> list[NDArray[np.float64]]:
     """Searches the whole range of the parameters by successive halving. nominal: the scene's own values, a candidate,
     too. Returns the last candidates, best first."""
     searched = [k for k, (_, name) in enumerate(fit.parameters) if name in PARAMETERS]
@@ -150,7 +150,7 @@ def _wide(fit: MaterialFit, nominal: NDArray[np.float64], seed: int, tell: Progr
             theta = candidates[k] = fit.with_colors(candidate, samples)
             losses.append(fit.residuals(theta, samples // 2).loss)
             done += samples
-            tell(min(done / total, 1.0))
+            progress(min(done / total, 1.0))
         order = np.argsort(losses)
         keep = len(candidates) if number == len(_SAMPLES) - 1 else max(_LEAST_KEPT, len(candidates) // _KEEP)
         candidates = [candidates[k] for k in order[:keep]]

@@ -237,7 +237,7 @@ class Noise:
 
 def calibrate_noise(
     frames: Path | list[Repeats], dark: Path | list[Repeats] | None = None, seed: int = 0,
-    tell: Progress = silent,
+    progress: Progress = silent,
 ) -> Noise:  # fmt: skip
     """Measures the Noise. frames: repeats, or the path of a folder, stack, capture or EMVA 1288 descriptor file (.txt),
     which lists dark frames, too. dark: repeats without any light, or their path. seed: of the random choice of pixels.
@@ -267,12 +267,12 @@ def calibrate_noise(
     black = None if darks else _black_of_exposures(views, max_dn)
     rng = np.random.default_rng(seed)
     evidence = _gather(views, darks, max_dn, black, rng)
-    tell(0.1)
+    progress(0.1)
     fits, density = {}, {}
     for kind in _PRIOR:
         fits[kind] = evidence.fit(kind)
         density[kind] = evidence.density(fits[kind][0])
-        tell(0.4 * len(fits) + 0.1)
+        progress(0.4 * len(fits) + 0.1)
     chosen, other = sorted(density, key=lambda kind: -float(density[kind].sum()))
     # The errors follow from the cost's curvature, by central differences.
     noise_model, x, cost = fits[chosen]

@@ -112,7 +112,7 @@ class Pattern:
         return "\n".join([*lines, f"light between the dots: {told}"])
 
 
-def calibrate_pattern(path: Path, tell: Progress = silent, model: SensorModel | None = None) -> Pattern:
+def calibrate_pattern(path: Path, progress: Progress = silent, model: SensorModel | None = None) -> Pattern:
     """Measures the Pattern from a capture whose repeat groups show one flat, matt wall, each group from one distance,
     with the projector on.
 
@@ -133,11 +133,11 @@ def calibrate_pattern(path: Path, tell: Progress = silent, model: SensorModel | 
         raise ValueError(f"{capture.path}: {told}")
     views = []
     for number, frames in enumerate(groups):
-        share = part_of(tell, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
+        share = part_of(progress, 0.95 * number / len(groups), 0.95 * (number + 1) / len(groups))
         views.append(_wall_view(capture, f"{capture.path}: repeat group {frames[0].repeat_group}", frames, share))
     views.sort(key=lambda view: view.wall.distance_m)
     pattern = _merged(tuple(views), capture.rig)
-    tell(1.0)
+    progress(1.0)
     return pattern
 
 
@@ -162,7 +162,7 @@ def _check_rig(rig: CaptureRig, source: str) -> None:
         raise ValueError(f"{source}: rig.left_to_right: {told}")
 
 
-def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Progress) -> WallView:
+def _wall_view(capture: Capture, name: str, frames: list[Frame], progress: Progress) -> WallView:
     if len(frames) < LEAST_REPEATS:
         told = f"{len(frames)} repeats, at least {LEAST_REPEATS} are needed: record more frames of the wall"
         raise ValueError(f"{name}: {told}")
@@ -174,7 +174,7 @@ def _wall_view(capture: Capture, name: str, frames: list[Frame], tell: Progress)
         if saturated > _LARGEST_SATURATED:
             told = f"{100 * saturated:.1f} % of the pixels reach {rig.max_dn} DN: the wall saturates"
             raise ValueError(f"{name}, {side}: {told}: shorten the exposure or lower the laser's power")
-        part = part_of(tell, 0.5 * place, 0.5 * place + 0.5)
+        part = part_of(progress, 0.5 * place, 0.5 * place + 0.5)
         found = find_spots(counts.mean(axis=0), _variance_of_mean(counts), part)
         is_whole = found.is_whole
         if side == "right":

@@ -184,7 +184,7 @@ class Calibration:
 
 
 def calibrate_rig(
-    path: Path, board: Board, has_lens: bool, known_K: NDArray[np.float64] | None, tell: Progress
+    path: Path, board: Board, has_lens: bool, known_K: NDArray[np.float64] | None, progress: Progress
 ) -> Calibration:
     """Calibrates from PATH/left/*.png and PATH/right/*.png, which are paired by name.
 
@@ -213,14 +213,14 @@ def calibrate_rig(
                 corners[side] = found
         if corners:
             views.append(BoardView(name, corners))
-        tell(0.7 * (number + 1) / len(both))
+        progress(0.7 * (number + 1) / len(both))
     seen = sum(len(view.corners) == 2 for view in views)
     if size is None or seen < _LEAST_BOARDS:
         counts = f"{seen} of {len(both)} frame pairs show the board to both cameras, at least {_LEAST_BOARDS} are "
         remedy = "check --board, light the board evenly with the projector off, and keep all of a chessboard in view"
         raise ValueError(f"{path}: {counts}needed: {remedy}")
     result = calibrate(views, size, has_lens, known_K, depth)
-    tell(1.0)
+    progress(1.0)
     return result
 
 

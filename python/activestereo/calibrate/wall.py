@@ -77,7 +77,7 @@ class Spots:
         return replace(self, u=self.u[which], v=self.v[which], flux=self.flux[which])
 
 
-def find_spots(image: np.ndarray, variance: np.ndarray, tell: Progress = silent) -> Spots:
+def find_spots(image: np.ndarray, variance: np.ndarray, progress: Progress = silent) -> Spots:
     """Finds the spots of an averaged image [height, width], DN, including those that its border cuts. variance: of its
     pixels, DN^2. Raises ValueError for fewer than 50 spots."""
     image = np.asarray(image, dtype=np.float64)
@@ -112,7 +112,7 @@ def find_spots(image: np.ndarray, variance: np.ndarray, tell: Progress = silent)
     fit = _Fit(image, background, variance, sigma)
     fit.add(u + across, v + down)
     fit.run(_FIRST_STEPS)
-    tell(0.3)
+    progress(0.3)
     for peel in range(_PEELS):
         scale = 0.8 * fit.sigma
         left = -gaussian_laplace(fit.residual(), scale)
@@ -120,10 +120,10 @@ def find_spots(image: np.ndarray, variance: np.ndarray, tell: Progress = silent)
         fit.add(u.astype(float), v.astype(float))
         fit.run(_PEEL_STEPS)
         fit.drop_weak()
-        tell(0.3 + 0.2 * (peel + 1))
+        progress(0.3 + 0.2 * (peel + 1))
     fit.run(_LAST_STEPS)
     fit.drop_weak()
-    tell(1.0)
+    progress(1.0)
     return Spots(fit.u, fit.v, 2.0 * np.pi * fit.sigma**2 * fit.amplitude, float(fit.sigma), fit.background)
 
 
