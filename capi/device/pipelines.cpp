@@ -88,15 +88,13 @@ bool has_threads(const Device& device) { return !device.is_hosts() && !device.wo
 
 Pipelines::Built Pipelines::started(std::span<const uint32_t> spirv, uint32_t push_constant_bytes,
                                     std::span<const uint32_t> specialisation) {
-  const auto promise = std::make_shared<std::promise<Pipeline>>();
   std::vector<uint32_t> constants(specialisation.begin(), specialisation.end());
-  Built built;
-  {
-    const std::lock_guard lock(mutex_);
-    Built& kept = built_[{spirv.data(), push_constant_bytes, constants}];
-    if (kept.valid() && !has_failed(kept)) return kept;
-    kept = built = promise->get_future();
-  }
+  std::unique_lock lock(mutex_);
+  Built& kept = built_[{spirv.data(), push_constant_bytes, constants}];
+  if (kept.valid() && !has_failed(kept)) return kept;
+  const auto promise = std::make_shared<std::promise<Pipeline>>();
+  Built built = kept = promise->get_future();
+  lock.unlock();
   const auto build = [promise, device = device_.shared_from_this(), spirv, push_constant_bytes, constants = std::move(constants)] {
     try {
       auto pipeline = std::make_unique<const ComputePipeline>(*device, spirv, push_constant_bytes, constants);
