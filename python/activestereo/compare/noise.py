@@ -46,6 +46,8 @@ _NARROWEST, _WIDEST, _COMB_SHARE, _LEAST_LEVELS, _MOST_USED = 1.5, 32.0, 0.995, 
 _FINER, _LEAST_PEAK = 8, 0.3
 # The rounding's variance in a bin is uncertain by this share.
 _UNEVEN = 0.2
+# Multiples of it, modulo 1, fill the unit interval evenly (Weyl 1916).
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 # Noise in steps, and terms of the Fourier series of rounding.
 _NOISE_STEPS, _TERMS = np.linspace(0.0, 1.0, 201), np.arange(1, 200)
 
@@ -208,12 +210,13 @@ def fit_noise_model(
     if not bins:
         return None
     gain, mean, square, variance, weight = np.array(bins).T
+    rounding = ROUNDING_VARIANCE * step_dn**2  # the same at every gain
     noise_models = []
     for black in np.linspace(0.0, max(black_dn, 0.0), _BLACK_LEVELS):
         signal, signal_square = mean - black, square - 2 * black * mean + black**2
         terms = np.stack([np.ones_like(mean), gain * signal, signal_square], axis=1)
-        (offset, shot, relative), chi2 = fit_terms(np.maximum(terms, 0.0), variance, weight)
-        noise_models.append((chi2, NoiseModel(offset, shot, relative, float(black))))
+        (offset, shot, relative), chi2 = fit_terms(np.maximum(terms, 0.0), variance - rounding, weight)
+        noise_models.append((chi2, NoiseModel(rounding + offset, shot, relative, float(black))))
     limit = 1.05 * min(chi2 for chi2, _ in noise_models) + _CHI2_MARGIN
     return next(noise_model for chi2, noise_model in noise_models if chi2 <= limit)
 
@@ -242,12 +245,14 @@ def transfer_rows(entry: Repeats, max_dn: float, step_dn: float = 1.0) -> list[t
     if not mean.size:
         return []
     # Bins must not be too narrow, because repeats of whole numbers agree more often at some means than at others.
-    quantiles = np.quantile(mean, np.linspace(0, 1, _BINS + 1))
+    # Means of coarse steps are few. Spread over a step, each bin gets its share of repeats that round alike.
+    spread = mean + (step_dn - 1.0) * (np.arange(mean.size) * _GOLDEN % 1.0 - 0.5)
+    quantiles = np.quantile(spread, np.linspace(0, 1, _BINS + 1))
     edges = [quantiles[0]]
     for edge in quantiles[1:]:
         if edge >= edges[-1] + _LEAST_WIDTH_STEPS * step_dn:
             edges.append(edge)
-    index = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, max(len(edges) - 2, 0))
+    index = np.clip(np.searchsorted(edges, spread, side="right") - 1, 0, max(len(edges) - 2, 0))
     rows = []
     for b in np.unique(index):
         m, v = mean[index == b], variance[index == b]
