@@ -56,6 +56,14 @@ def test_bounced_light_without_dots_is_that_with_dots_but_less_noisy(device, tmp
     assert np.var(even[0] - even[1]) < 0.4 * np.var(dotted[0] - dotted[1])
 
 
+def test_noise_of_direct_sky_light_cancels_in_the_bounced_one(device, tmp_path):
+    capture = trial_capture(tmp_path)
+    requests = (rig_request(capture, capture.frames[0], 16, 4, seed, sampling_of(capture.rig, 2)) for seed in (0, 1))
+    first, second = (CaptureRenderer(device)(request)[0] for request in requests)
+    whole, direct = (getattr(first, n).astype(float) - getattr(second, n) for n in ("ambient", "ambient_direct"))
+    assert np.var(whole - direct) < 0.5 * (np.var(whole) + np.var(direct))  # 0.88 if they are independent
+
+
 def test_depth_normals_and_materials_are_those_of_pixel_centres(views):
     np.testing.assert_allclose(views["geometry"].depth_m, views["few"].depth_m, rtol=1e-5)
     np.testing.assert_array_equal(views["geometry"].material, views["few"].material)

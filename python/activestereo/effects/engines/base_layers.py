@@ -38,16 +38,16 @@ WIDE, SQUARES, LARGE_PIXELS = 4, 2, 2 * 848 * 480
 _DOTS_RAD = 0.0135
 FIRST = ("albedo", "depth", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light, which effects use separately, gets SKY_SHARE
-# of those.
-BOUNCED_SHARE, SKY_SHARE = 0.125, 0.25
+# Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light gets the same ones: their noise cancels in the
+# difference, which is the sky's bounced light.
+BOUNCED_SHARE = 0.125
 # Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel. Larger
 # ones get no more in all than an image of MOST_PIXELS.
 SHARED_PIXELS, MOST_TIMES, MOST_PIXELS = 424 * 240, 4.0, 884 * 516
 # Least weight of a neighbour: a pixel without a neighbour on the same surface averages all neighbours.
 _LEAST_ALIKE = 1e-4
 # Increase this number whenever the computed light changes.
-MATT_VERSION = 7
+MATT_VERSION = 8
 
 
 class MattSurfaces(NamedTuple):
@@ -194,13 +194,13 @@ def matt_layers(
     wide = [_resized(camera, 1.0 / WIDE) for camera in request.cameras]
     bounces = WIDE**2 * BOUNCED_SHARE * float(np.clip(SHARED_PIXELS / pixels, 1.0, MOST_TIMES))
     bounces *= min(1.0, MOST_PIXELS / pixels)
-    few, of_sky = _share(request, bounces), _share(request, SKY_SHARE * bounces)
+    few = _share(request, bounces)
     room = None if world.room is None else world.room.images(world.renderer, request.cameras, spp, seed=seed)
     even = LIGHT[2:] if room is None else ()
     first = _first_surfaces(world, request, wide, kept)
     with world.lit([(copy_record(request.projector), first.pattern)]):
         bounced = images(wide, LIGHT[1:2] + even, few, request.max_bounces, progress, seed=seed)
-        sky = images(wide, even, of_sky, 0, seed=seed)["ambient"] if room is None else room
+        sky = images(wide, even, few, 0, seed=seed)["ambient"] if room is None else room
     light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
 
     def layers(i: int) -> Layers:
