@@ -21,6 +21,7 @@ for argument in "$@"; do
   esac
 done
 . "$root/capi/packaging/build.sh"
+export OPENBLAS_NUM_THREADS=1  # as commands have it: threads of several processes wait for each other
 
 # The folders of C++ tests, and the Python test files, of the files that differ from main. Tests mirror the tree; a folder of a library without
 # tests of its own has those of its whole.
