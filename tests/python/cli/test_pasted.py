@@ -59,6 +59,7 @@ def quick(monkeypatch):
     """Few samples where a command without --spp would take many."""
     for module in ("compare.compare", "compare.engine_prediction", "diagnose.diagnosis"):
         monkeypatch.setattr(f"activestereo.{module}.usual_samples", lambda _: 2)
+    monkeypatch.setattr("activestereo.effects.engines.base_layers.SQUARES", 1)
 
 
 def _kind(words):
