@@ -170,6 +170,7 @@ def test_a_shell_gets_the_words_that_were_meant():
 def test_every_screen_fits_a_terminal(words, files, monkeypatch, capsys):
     """Only a path, which a shell must take whole, is wider."""
     monkeypatch.chdir(files)
+    monkeypatch.setattr("activestereo.compare.effect_trials._SAMPLES", 2)
     end = run_here(capsys, *words)
     assert end.returncode == 0 and end.stdout, end.stderr
     wide = [line for line in end.stdout.splitlines() if len(line) > 80 and max(map(len, line.split())) < 60]
