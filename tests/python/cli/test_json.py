@@ -46,7 +46,7 @@ def test_models(said, tmp_path, capsys):
 
 def test_noise_of_a_calibration(said, tmp_path):
     rng = np.random.default_rng(2)
-    stack = np.rint(np.clip(rng.normal(np.linspace(20.0, 200.0, 64), 2.0, (12, 48, 64)), 0.0, 255.0))
+    stack = np.rint(np.clip(rng.normal(np.linspace(20.0, 60.0, 64), 2.0, (12, 12, 64)), 0.0, 255.0))
     np.save(tmp_path / "stack.npy", stack.astype(np.uint8))
     imager = said("calibrate", "noise", tmp_path / "stack.npy", "-o", tmp_path / "model.json")
     assert imager == json.loads((tmp_path / "model.json").read_text())["imager"]
