@@ -9,6 +9,8 @@ from collections.abc import Callable, Hashable
 from functools import wraps
 from typing import Any, TypeVar
 
+import numpy as np
+
 _Result = TypeVar("_Result")
 _LOCK = "_computed_once_lock"
 
@@ -39,6 +41,16 @@ def computed_once(method: Callable[[Any], _Result]) -> Callable[[Any], _Result]:
         return known[name]
 
     return kept
+
+
+def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
+    """Returns make(), or its stored value if it was computed before for the same pixels `pick`. known: the stored pairs
+    (pick, value); a new pair is added."""
+    for before, value in known:
+        if before is pick or np.array_equal(before, pick):
+            return value
+    known.append((pick, make()))
+    return known[-1][1]
 
 
 class Remembering:

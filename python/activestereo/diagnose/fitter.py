@@ -336,6 +336,13 @@ class Fitter:
         damped = gram + damping * np.diag(np.diag(gram))
         return inverse_normal_matrix(damped) @ (sums.moment - self.pull(phi, n_theta, space, theta))
 
+    def _foretold(
+        self, sums: Sums, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray, step: np.ndarray
+    ) -> float:
+        """Returns the fall of chi2 by a step, priors included, if images were linear in (theta, phi)."""
+        slope = sums.moment - self.pull(phi, n_theta, space, theta)
+        return float(2.0 * step @ slope - step @ (sums.gram @ step + self.prior(n_theta, space) * step))
+
     def pull(self, phi: np.ndarray, n_theta: int, space: ParameterSpace, theta: np.ndarray) -> np.ndarray:
         """Returns the gradient of the priors at (theta, phi): precision times offset."""
         offset, known = np.where(space.given, 0.0, theta - space.neutral)[:n_theta], self.nuisance_prior
@@ -361,7 +368,7 @@ class Fitter:
         self, space: ParameterSpace, theta: np.ndarray, phi: np.ndarray, iterations: int, tolerance: float = 2e-5
     ) -> Solution:
         """Fits from a start (theta, phi); returns the Solution. It stops after `iterations`, or when chi2 falls by less
-        than a share `tolerance`."""
+        than a share `tolerance`, or would if images were linear."""
         make = lambda: self._refined(space, theta, phi, iterations, tolerance)  # noqa: E731
         found = self.remembered(make, space, theta, phi, iterations, tolerance)
         return Solution(space, found["theta"], found["phi"], Sums.of_arrays(found, self.observations))
@@ -376,6 +383,8 @@ class Fitter:
         chi2 = sums.total + float((self.sigmas(phi) ** 2).sum())
         for _ in range(iterations):
             step = self.solve(sums, phi, n, space, theta, damping)
+            if self._foretold(sums, phi, n, space, theta, step) < tolerance * chi2:
+                break
             moved = np.where(space.given, theta, np.clip(theta + step[:n], space.low, space.high))
             trial_phi = phi + step[n:]
             trial_lights = self.lights(space, moved) if space.in_light.any() else lights

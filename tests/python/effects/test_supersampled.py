@@ -159,6 +159,31 @@ def test_a_pixel_of_a_warped_image_is_the_mean_of_its_samples():
         assert again[1] == pytest.approx(warped.ambient.ravel()[pick], rel=1e-5)
 
 
+def test_picked_pixels_of_a_changed_light_are_those_of_its_warped_image():
+    """Effects before the lens change pixels, of which no finer samples exist."""
+    view = example_view("left")
+    u, v = view.pixels()
+    sampling = Sampling(2, 3)
+    light = Light.of(sampling.pixel_layers(rendered(Camera(view.shape[1], view.shape[0], K), sampling)))
+    light = light.scale_projector(1.0 + 0.2 * np.sin(u / 9.0))
+    whole, some = (light.warped(u + 0.3, 1.01 * v) for _ in range(2))
+    pick = np.array([7, 500, 1234])
+    for image, seen in zip((whole.projector, whole.ambient), some.seen(pick), strict=True):
+        assert seen == pytest.approx(image.ravel()[pick], rel=1e-6)
+
+
+def test_two_warps_are_one():
+    """The second warp's places are looked up in the first one's map, so nothing is interpolated twice."""
+    view = example_view("left")
+    sampling = Sampling(2, 3)
+    images = Light.of(sampling.pixel_layers(rendered(Camera(view.shape[1], view.shape[0], K), sampling))).supersampled
+    u, v = view.pixels()
+    twice = images.warped(1.02 * u + 0.4, v - 0.3).warped(u - 0.8, v + 0.2)
+    once = images.warped(1.02 * (u - 0.8) + 0.4, v - 0.1)
+    assert np.abs(twice.pixels() - once.pixels())[:, 2:-2, 2:-2].max() < 1e-4 * images.pixels().max()
+    assert images.warped(u + 0.5, v) is not images.warped(u, v)
+
+
 POINTWISE_IN_LIGHT = [e for e in builtin().values() if e.is_pointwise and e.stage < Stage.CHARGE]
 
 

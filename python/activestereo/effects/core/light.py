@@ -10,9 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from activestereo.common.computed_once import Remembering
+from activestereo.common.computed_once import Remembering, once_of_picked
 from activestereo.effects.core.resample import Spline, SupersampledImages, blur, interpolated
-from activestereo.effects.core.view import Layers, View, once_of_picked
+from activestereo.effects.core.view import Layers, View
 
 # Smaller relative changes are rounding of the rendered float32 images.
 _UNCHANGED = 1e-6
@@ -81,10 +81,10 @@ class Light(Remembering):
         later, has_images = self._later, {"direct", "indirect", "ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
-        at = later.at
+        at, some = later.at, pick
         # A fit asks for the same pixels again: for its slopes, and for other frames of this light.
         seen: tuple[np.ndarray, np.ndarray] = once_of_picked(
-            self.once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
+            self.once("seen", list), some, lambda: (at(_PROJECTOR, some), at(_AMBIENT, some))
         )
         return seen
 
@@ -123,22 +123,28 @@ class Light(Remembering):
         known per camera pixel only. They are split into a smooth local gain and a remainder, which are warped
         separately.
         """
-        fine = self.supersampled
         spline = lambda names: self.once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
+        of_rest = lambda names: self.once(("rest", names), lambda: Spline(self.since_rendered(names)[1]))  # noqa: E731
 
-        def at(names: tuple[str, ...], pick: np.ndarray | slice) -> np.ndarray:
-            if fine is None:
-                return spline(names)(u.ravel()[pick], v.ravel()[pick])
-            if self.is_changed(names):
-                return later.image(names).ravel()[pick]
-            return fine.sum_of(_places(names)).means_at(u.ravel()[pick], v.ravel()[pick])[0]
+        def at(names: tuple[str, ...], pick: np.ndarray) -> np.ndarray:
+            own_u, own_v = u.ravel()[pick], v.ravel()[pick]
+            if later.supersampled is None:
+                return spline(names)(own_u, own_v)
+            changed = self.is_changed(names)
+            if changed and len(names) > 1:
+                return np.sum([at((name,), pick) for name in names], axis=0)
+            after = later.supersampled.sum_of(_places(names)).pixels_at(pick)[0]
+            if not changed:
+                return after
+            gain = interpolated(self.since_rendered(names)[0], own_u, own_v)
+            return np.maximum(after * gain + of_rest(names)(own_u, own_v), 0.0)
 
         later = _Later(
             self,
             lambda images: np.stack([Spline(image)(u, v) for image in images]),
             of_supersampled=lambda images: images.warped(u, v),
             of_gain=lambda gain: interpolated(gain, u, v),
-            whole=(lambda names: spline(names)(u, v)) if fine is None else None,
+            whole=(lambda names: spline(names)(u, v)) if self.supersampled is None else None,
             at=at,
             size=u.size,
         )
@@ -157,6 +163,20 @@ class Light(Remembering):
         """Returns the named images' sum as rendered, [height][width]: the supersampled images' means over pixels."""
         assert self.supersampled is not None
         return self.supersampled.sum_of(_places(names)).pixels()[0]
+
+    def since_rendered(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Splits what effects have changed in the named images' sum: returns (the smooth local gain that explains most
+        of it, the rest that is added to gain times the rendered sum), [height][width] each."""
+
+        def split() -> tuple[np.ndarray, np.ndarray]:
+            now, before = self.sum_of(names), self.rendered(names)
+            assert self.supersampled is not None
+            own = self.supersampled.once(("square", names), lambda: blur(before * before, _GAIN_SIGMA_PX))
+            gain = blur(before * now, _GAIN_SIGMA_PX) / np.maximum(own, 1e-12 * own.max() + 1e-300)
+            return gain, now - gain * before
+
+        parts: tuple[np.ndarray, np.ndarray] = self.once(("since rendered", names), split)
+        return parts
 
     def blurred(self, sigma_px: float | np.ndarray) -> Light:
         """Returns the light after a Gaussian blur. sigma_px: pixels, a number or an image."""
@@ -198,7 +218,7 @@ class _Later:
     of_supersampled: Callable[[SupersampledImages], SupersampledImages] | None = None
     of_gain: Callable[[np.ndarray], np.ndarray] = lambda gain: gain
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
-    at: Callable[[tuple[str, ...], np.ndarray | slice], np.ndarray] | None = None
+    at: Callable[[tuple[str, ...], np.ndarray], np.ndarray] | None = None
     size: int = 0
 
     def __post_init__(self) -> None:
@@ -214,17 +234,13 @@ class _Later:
         """Returns the sum of the named images after the operation, [height][width]."""
         if self.whole is not None:
             return self.whole(names)
-        now = self.source.sum_of(names)
         if self.supersampled is None:
-            return self.of_images(now[None])[0]
+            return self.of_images(self.source.sum_of(names)[None])[0]
         changed = self.source.is_changed(names)
         if changed and len(names) > 1:
             return np.sum([self.image((name,)) for name in names], axis=0)
         after = self.supersampled.sum_of(_places(names)).pixels()[0]
         if not changed:
             return after
-        before = self.source.rendered(names)
-        # The smooth local gain that explains most of the change.
-        both, own = (blur(image, _GAIN_SIGMA_PX) for image in (before * now, before * before))
-        gain = both / np.maximum(own, 1e-12 * own.max() + 1e-300)
-        return np.maximum(after * self.of_gain(gain) + self.of_images((now - gain * before)[None])[0], 0.0)
+        gain, rest = self.source.since_rendered(names)
+        return np.maximum(after * self.of_gain(gain) + self.of_images(rest[None])[0], 0.0)

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import convolve1d, gaussian_filter, map_coordinates, spline_filter, zoom
 from scipy.special import ive
 
-from activestereo.common.computed_once import Remembering, computed_once
+from activestereo.common.computed_once import Remembering, computed_once, once_of_picked
 
 # Most uniform blurs from which a varying blur is mixed, at equal steps and at equal ratios of variance.
 _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
@@ -25,6 +26,8 @@ _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 _REACH = 4.0
 # Narrower blurs are ignored: in pixels, and as a share of the widest blur of an image.
 _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
+# Of maps that are compared, every so many values are read.
+_SAMPLED = 61
 
 # Pairs (shift, weight).
 _Taps = Sequence[tuple[float, float]]
@@ -269,11 +272,25 @@ class SupersampledImages(Remembering):
         inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
         return means_of_squares(inside, self.scale, np.float64)
 
+    def pixels_at(self, pick: np.ndarray) -> np.ndarray:
+        """Returns the means over the camera pixels at flat indices, [n][pixel]."""
+        return self.pixels().reshape(len(self.pixels()), -1)[:, pick]
+
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
         [height][width] each. Beyond the frame, the border's displacement holds."""
-        # A warp shifts one pixel almost as a whole, so a warped pixel's mean is the mean over the shifted pixel.
-        return _LaterSupersampled(self, lambda images: images._warped(u, v), lambda images: images.means_at(u, v))
+        return self._shared((u, v), lambda: _Warped(self, u, v))
+
+    def _shared(self, values: Sequence[Any], make: Callable[[], SupersampledImages]) -> SupersampledImages:
+        """Returns make(), or the images of an earlier call with the same arrays `values` while something holds them. A
+        fit's slopes by effects before the lens all need the same rendered images behind it. Arrays of the same sum and
+        every _SAMPLED-th value count as the same."""
+        alive = self.once("alive", WeakValueDictionary)
+        key = tuple((np.sum(x), np.ravel(x)[::_SAMPLED].tobytes()) for x in values)
+        images = alive.get(key)
+        if images is None:
+            images = alive[key] = make()
+        return images
 
     def _warped(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         row, column = np.ogrid[: u.shape[0], : u.shape[1]]
@@ -285,8 +302,12 @@ class SupersampledImages(Remembering):
     def blurred(self, sigma_px: float | np.ndarray) -> SupersampledImages:
         """Returns the images after a Gaussian blur. sigma_px: camera pixels, a number or an image [height][width] that
         goes on beyond the frame."""
-        sigma = self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
-        return _LaterSupersampled(self, lambda images: blur(images.images(), sigma))
+
+        def later() -> SupersampledImages:
+            sigma = self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
+            return _LaterSupersampled(self, lambda images: blur(images.images(), sigma))
+
+        return self._shared((sigma_px,), later)
 
     def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> SupersampledImages:
         """Returns sums of the shifted images, see Spline.shifted_sum(); shifts are in camera pixels."""
@@ -334,25 +355,47 @@ class SupersampledImages(Remembering):
 
 class _LaterSupersampled(SupersampledImages):
     """SupersampledImages after a linear operation, which is applied only to the images that are asked for. act: returns
-    the samples after it. means: returns the means over the pixels after it; None: they follow from the samples."""
+    the samples after it."""
 
     _source: SupersampledImages
     _act: Callable[[SupersampledImages], np.ndarray]
-    _means: Callable[[SupersampledImages], np.ndarray] | None
 
-    def __init__(
-        self, source: SupersampledImages, act: Callable[[SupersampledImages], np.ndarray],
-        means: Callable[[SupersampledImages], np.ndarray] | None = None,
-    ) -> None:  # fmt: skip
-        self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _act=act, _means=means)
+    def __init__(self, source: SupersampledImages, act: Callable[[SupersampledImages], np.ndarray]) -> None:
+        self.__dict__.update(scale=source.scale, margin_px=source.margin_px, _source=source, _act=act)
 
     @computed_once
     def images(self) -> np.ndarray:
         return self._act(self._source)
 
+    def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
+        return _LaterSupersampled(self._source.sum_of(indices), self._act)
+
+
+class _Warped(_LaterSupersampled):
+    """SupersampledImages after a warp. A warp shifts one pixel almost as a whole, so a warped pixel's mean is the mean
+    over the shifted pixel. Two warps are one, which looks up the first one's places."""
+
+    _u: np.ndarray
+    _v: np.ndarray
+
+    def __init__(self, source: SupersampledImages, u: np.ndarray, v: np.ndarray) -> None:
+        super().__init__(source, lambda images: images._warped(u, v))
+        self.__dict__.update(_u=u, _v=v)
+
     @computed_once
     def pixels(self) -> np.ndarray:
-        return super().pixels() if self._means is None else self._means(self._source)
+        return self._source.means_at(self._u, self._v)
+
+    def pixels_at(self, pick: np.ndarray) -> np.ndarray:
+        of_pick: np.ndarray = once_of_picked(
+            self.once("picked", list), pick, lambda: self._source.means_at(self._u.ravel()[pick], self._v.ravel()[pick])
+        )
+        return of_pick
+
+    def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
+        row, column = np.ogrid[: u.shape[0], : u.shape[1]]
+        right, down = interpolated(np.stack([self._u - column, self._v - row]), u, v)
+        return self._source.warped(u + right, v + down)
 
     def _sum_of(self, indices: tuple[int, ...]) -> SupersampledImages:
-        return _LaterSupersampled(self._source.sum_of(indices), self._act, self._means)
+        return self._source.sum_of(indices).warped(self._u, self._v)

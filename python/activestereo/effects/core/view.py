@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from activestereo.capture.capture import Capture, Frame
-from activestereo.common.computed_once import Remembering
+from activestereo.common.computed_once import Remembering, once_of_picked
 from activestereo.common.lens import to_pixels, to_tangents
 from activestereo.effects.core.resample import SupersampledImages
 
@@ -23,16 +23,6 @@ def random_stream(seed: int, name: str, salt: bytes = b"") -> np.random.Generato
     """Returns the numpy Generator that seed, name and salt determine."""
     digest = hashlib.sha256(f"{seed} {name} ".encode() + salt).digest()
     return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
-
-
-def once_of_picked(known: list[tuple[np.ndarray, Any]], pick: np.ndarray, make: Callable[[], Any]) -> Any:
-    """Returns make(), or its stored value if it was computed before for the same pixels `pick`. known: the stored pairs
-    (pick, value); a new pair is added."""
-    for before, value in known:
-        if before is pick or np.array_equal(before, pick):
-            return value
-    known.append((pick, make()))
-    return known[-1][1]
 
 
 REFERENCE_TEMPERATURE_C = 25.0
