@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 from activestereo.common.output_files import replace_file
-from activestereo.compare.effect_trials import StripWorld
+from activestereo.report.effect_pictures import StripWorld
 from activestereo.effects.engines import CaptureRenderer
 from activestereo.effects import builtin
 from activestereo.report.strips import strip_figure

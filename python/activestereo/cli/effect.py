@@ -104,8 +104,8 @@ def _as_json(effects: Collection[Effect]) -> list[dict[str, Any]]:
 
 
 def run_show(args: argparse.Namespace) -> None:
-    from activestereo.compare.effect_trials import StripWorld
     from activestereo.effects.engines import CaptureRenderer
+    from activestereo.report.effect_pictures import StripWorld
     from activestereo.report.strips import strip_figure, strip_page
 
     if args.out.suffix.lower() not in (".png", ".html"):

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from activestereo.common.html_table import text
 from activestereo.common.palette import INK, MUTED
 from activestereo.common.shown import two_digits
-from activestereo.compare.effect_trials import StripView
 from activestereo.effects.core.model import Nuisances
 from activestereo.effects.core.surfaces import SURFACES
+from activestereo.report.effect_pictures import StripView
 from activestereo.report.first_screen import where_most_goes
 from activestereo.report.page import coloured, data_address, page, web_file
 
 if TYPE_CHECKING:
     from activestereo.compare.compare import Comparison
-    from activestereo.compare.effect_trials import EffectStrip
     from activestereo.effects import Effect
+    from activestereo.report.effect_pictures import EffectStrip
     from activestereo.report.models import ModelImages
 
 _PANEL_IN = 4.2

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from activestereo.cli import main
-from activestereo.compare import effect_trials
+from activestereo.report import effect_pictures
 from activestereo.effects import Model, Stage, builtin, load_effects
 from activestereo.effects.core import load as plugin
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, SharedBy
@@ -222,8 +222,8 @@ BLACK_DN = 5.0
 @pytest.fixture(scope="module")
 def world(lab_cache):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(effect_trials, "_STRIP_SAMPLES", 16)
-        return effect_trials.StripWorld(CaptureRenderer("cpu"), lab_cache)
+        patch.setattr(effect_pictures, "_STRIP_SAMPLES", 16)
+        return effect_pictures.StripWorld(CaptureRenderer("cpu"), lab_cache)
 
 
 @pytest.mark.parametrize("name", builtin())
@@ -243,7 +243,7 @@ def test_every_effect_changes_the_picture(world, name):
 )
 def test_a_pixel_that_gains_or_loses_its_depth_is_counted_apart(unit, with_it, rms, filled_and_lost):
     without = np.array([0.0, 3.0, 3.0, 4.0])
-    strip = effect_trials.EffectStrip(builtin()["hole_filling"], {}, unit, without, np.array(with_it))
+    strip = effect_pictures.EffectStrip(builtin()["hole_filling"], {}, unit, without, np.array(with_it))
     assert strip.rms() == pytest.approx(rms) and strip.filled_and_lost() == filled_and_lost
 
 
