@@ -13,12 +13,12 @@ import pytest
 from PIL import Image
 
 from activestereo.cli import main
-from activestereo.report import effect_pictures
 from activestereo.effects import Model, Stage, builtin, load_effects
 from activestereo.effects.core import load as plugin
 from activestereo.effects.core.descriptor import Channel, Lever, RandomTerm, SharedBy
 from activestereo.effects.core.laws import example_value, example_view
 from activestereo.effects.engines import CaptureRenderer
+from activestereo.report import effect_pictures
 from activestereo.report.strips import strip_page
 from chromium import Page, needs_chromium
 

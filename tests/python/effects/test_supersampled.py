@@ -15,7 +15,7 @@ from activestereo.compare.effect_trials import trial_capture
 from activestereo.compare.render import render_frames
 from activestereo.effects import Light, Model, Stage, builtin
 from activestereo.effects.core.laws import example_value, example_view
-from activestereo.effects.core.resample import blur
+from activestereo.effects.core.resample import SupersampledImages, blur
 from activestereo.common.lens import to_tangents, undistort
 from activestereo.effects.core.view import Layers
 from activestereo.effects.engines import CaptureRenderer
@@ -181,7 +181,15 @@ def test_two_warps_are_one():
     twice = images.warped(1.02 * u + 0.4, v - 0.3).warped(u - 0.8, v + 0.2)
     once = images.warped(1.02 * (u - 0.8) + 0.4, v - 0.1)
     assert np.abs(twice.pixels() - once.pixels())[:, 2:-2, 2:-2].max() < 1e-4 * images.pixels().max()
-    assert images.warped(u + 0.5, v) is not images.warped(u, v)
+
+
+def test_images_of_equal_maps_alone_are_shared():
+    images = SupersampledImages(np.ones((1, 90, 90), np.float32), 1, 0)
+    u, v = np.meshgrid(np.arange(90.0), np.arange(90.0))
+    kept = images.warped(u, v)
+    other = u.copy()
+    other[0, 1:3] += 1.0, -1.0
+    assert images.warped(u.copy(), v) is kept and images.warped(other, v) is not kept
 
 
 POINTWISE_IN_LIGHT = [e for e in builtin().values() if e.is_pointwise and e.stage < Stage.CHARGE]

@@ -81,10 +81,10 @@ class Light(Remembering):
         later, has_images = self._later, {"direct", "indirect", "ambient"} & self.__dict__.keys()
         if later is None or later.at is None or has_images or isinstance(pick, slice) or pick.size >= later.size:
             return self.projector.ravel()[pick], self.ambient.ravel()[pick]
-        at, some = later.at, pick
+        at = later.at
         # A fit asks for the same pixels again: for its slopes, and for other frames of this light.
         seen: tuple[np.ndarray, np.ndarray] = once_of_picked(
-            self.once("seen", list), some, lambda: (at(_PROJECTOR, some), at(_AMBIENT, some))
+            self.once("seen", list), pick, lambda: (at(_PROJECTOR, pick), at(_AMBIENT, pick))
         )
         return seen
 
@@ -126,7 +126,7 @@ class Light(Remembering):
         spline = lambda names: self.once(("spline", names), lambda: Spline(self.sum_of(names)))  # noqa: E731
         of_rest = lambda names: self.once(("rest", names), lambda: Spline(self.since_rendered(names)[1]))  # noqa: E731
 
-        def at(names: tuple[str, ...], pick: np.ndarray) -> np.ndarray:
+        def at(names: tuple[str, ...], pick: np.ndarray | slice) -> np.ndarray:
             own_u, own_v = u.ravel()[pick], v.ravel()[pick]
             if later.supersampled is None:
                 return spline(names)(own_u, own_v)
@@ -141,10 +141,8 @@ class Light(Remembering):
 
         later = _Later(
             self,
-            lambda images: np.stack([Spline(image)(u, v) for image in images]),
             of_supersampled=lambda images: images.warped(u, v),
-            of_gain=lambda gain: interpolated(gain, u, v),
-            whole=(lambda names: spline(names)(u, v)) if self.supersampled is None else None,
+            whole=lambda names: at(names, slice(None)).reshape(u.shape),
             at=at,
             size=u.size,
         )
@@ -209,16 +207,15 @@ class _Later:
     """A linear operation on a Light that waits until an image is asked for.
 
     of_images: the operation on images [n][height][width]. of_supersampled: the same on SupersampledImages; None: the
-    result has none. of_gain: the same on the local gain in Light.warped. whole(names): computes the sum of the named
-    images; None: of_images does. at(names, pick): that sum at flat pixel indices, fewer than `size`.
+    result has none. whole(names): computes the sum of the named images; None: of_images does. at(names, pick): that sum
+    at flat pixel indices, fewer than `size`.
     """
 
     source: Light
     of_images: Callable[[np.ndarray], np.ndarray] = lambda images: images
     of_supersampled: Callable[[SupersampledImages], SupersampledImages] | None = None
-    of_gain: Callable[[np.ndarray], np.ndarray] = lambda gain: gain
     whole: Callable[[tuple[str, ...]], np.ndarray] | None = None
-    at: Callable[[tuple[str, ...], np.ndarray], np.ndarray] | None = None
+    at: Callable[[tuple[str, ...], np.ndarray | slice], np.ndarray] | None = None
     size: int = 0
 
     def __post_init__(self) -> None:
@@ -243,4 +240,4 @@ class _Later:
         if not changed:
             return after
         gain, rest = self.source.since_rendered(names)
-        return np.maximum(after * self.of_gain(gain) + self.of_images(rest[None])[0], 0.0)
+        return np.maximum(after * gain + self.of_images(rest[None])[0], 0.0)

@@ -26,8 +26,6 @@ _MAX_LEVELS, _MAX_RATIO_LEVELS = 5, 7
 _REACH = 4.0
 # Narrower blurs are ignored: in pixels, and as a share of the widest blur of an image.
 _LEAST_SIGMA_PX, _LEAST_SHARE = 0.05, 1.0 / 64.0
-# Of maps that are compared, every so many values are read.
-_SAMPLED = 61
 
 # Pairs (shift, weight).
 _Taps = Sequence[tuple[float, float]]
@@ -213,6 +211,17 @@ def _along_both(images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray) 
     return np.stack(out).reshape(images.shape)
 
 
+class _Maps(tuple[Any, ...]):
+    """Arrays that compare by content, as a cache's key. The hash reads a few values of each: a digest of all would take
+    longer than the comparison."""
+
+    def __hash__(self) -> int:
+        return hash(tuple(np.ravel(x)[::61].tobytes() for x in self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Maps) and len(self) == len(other) and all(map(np.array_equal, self, other))
+
+
 class Pattern:
     """A pattern image that compares by content, so that caches of samplers use it as a key."""
 
@@ -272,21 +281,19 @@ class SupersampledImages(Remembering):
         inside = images[:, edge : images.shape[1] - edge, edge : images.shape[2] - edge]
         return means_of_squares(inside, self.scale, np.float64)
 
-    def pixels_at(self, pick: np.ndarray) -> np.ndarray:
+    def pixels_at(self, pick: np.ndarray | slice) -> np.ndarray:
         """Returns the means over the camera pixels at flat indices, [n][pixel]."""
         return self.pixels().reshape(len(self.pixels()), -1)[:, pick]
 
     def warped(self, u: np.ndarray, v: np.ndarray) -> SupersampledImages:
         """Returns the warped images: each camera pixel takes these images' value at pixel position (u, v),
         [height][width] each. Beyond the frame, the border's displacement holds."""
-        return self._shared((u, v), lambda: _Warped(self, u, v))
+        return self._shared(u, v, make=lambda: _Warped(self, u, v))
 
-    def _shared(self, values: Sequence[Any], make: Callable[[], SupersampledImages]) -> SupersampledImages:
-        """Returns make(), or the images of an earlier call with the same arrays `values` while something holds them. A
-        fit's slopes by effects before the lens all need the same rendered images behind it. Arrays of the same sum and
-        every _SAMPLED-th value count as the same."""
-        alive = self.once("alive", WeakValueDictionary)
-        key = tuple((np.sum(x), np.ravel(x)[::_SAMPLED].tobytes()) for x in values)
+    def _shared(self, *maps: np.ndarray | float, make: Callable[[], SupersampledImages]) -> SupersampledImages:
+        """Returns make(), or the images of an earlier call with the same maps while something holds them. A fit's
+        slopes by effects before the lens all need the same rendered images behind it."""
+        alive, key = self.once("alive", WeakValueDictionary), _Maps(maps)
         images = alive.get(key)
         if images is None:
             images = alive[key] = make()
@@ -307,7 +314,7 @@ class SupersampledImages(Remembering):
             sigma = self.scale * (self._refined(np.asarray(sigma_px)) if np.ndim(sigma_px) else sigma_px)
             return _LaterSupersampled(self, lambda images: blur(images.images(), sigma))
 
-        return self._shared((sigma_px,), later)
+        return self._shared(sigma_px, make=later)
 
     def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> SupersampledImages:
         """Returns sums of the shifted images, see Spline.shifted_sum(); shifts are in camera pixels."""
@@ -386,7 +393,9 @@ class _Warped(_LaterSupersampled):
     def pixels(self) -> np.ndarray:
         return self._source.means_at(self._u, self._v)
 
-    def pixels_at(self, pick: np.ndarray) -> np.ndarray:
+    def pixels_at(self, pick: np.ndarray | slice) -> np.ndarray:
+        if isinstance(pick, slice):
+            return super().pixels_at(pick)
         of_pick: np.ndarray = once_of_picked(
             self.once("picked", list), pick, lambda: self._source.means_at(self._u.ravel()[pick], self._v.ravel()[pick])
         )
