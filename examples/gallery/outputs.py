@@ -38,6 +38,7 @@ light_of("radiance", "Radiance", "`radiance`: the sum of all light")
 light_of("projector_direct", "Projector, direct", "`projector_direct`: dots without Monte Carlo noise")
 light_of("projector_indirect", "Projector, indirect", "`projector_indirect`, four times as bright", 4.0)
 light_of("ambient", "Ambient", "`ambient`: every other light")
+light_of("ambient_direct", "Ambient, direct", "`ambient_direct`: without bounced light, not denoised")
 
 
 @tile("Outputs", "Depth", "`depth`: z in metres, near is bright")

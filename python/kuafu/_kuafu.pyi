@@ -738,8 +738,8 @@ class Renderer:
         buffers, nothing is copied. Same seed, same bits.
         cameras: a Camera or a sequence of them, all of one size.
         outputs: names of radiance, projector_direct, projector_indirect, projector (their sum), ambient, light_group_0
-          .. light_group_3 (ambient's parts), srgb (radiance as uint8 red, green, blue, 255; visible), variance (of the
-          mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion, projector_uv,
+          .. light_group_3 (ambient's parts), ambient_direct (ambient light that met at most one surface), srgb
+          (radiance as uint8 red, green, blue, 255; visible), variance (of the mean radiance), sample_count, depth, normal, position, albedo, roughness, transmission, motion, projector_uv,
           projector_visibility, projector_geometry, instance_id, material_id, semantic_id; or {name: dtype} (float32, float16, uint8, uint16; ids: uint32, uint16, uint8;
           None: the default), or {name: Image or Buffer} to fill those. What they hold: kuafu/output.h.
         band: 'infrared' (one channel) or 'visible' (three).

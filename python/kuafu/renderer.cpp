@@ -27,6 +27,7 @@ constexpr Output outputs_known[] = {{"radiance", KUAFU_OUTPUT_RADIANCE, 0, KS_FO
                                     {"light_group_1", KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, 0, KS_FORMAT_F32},
                                     {"light_group_2", KUAFU_OUTPUT_LIGHT_GROUP_0 + 2, 0, KS_FORMAT_F32},
                                     {"light_group_3", KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, 0, KS_FORMAT_F32},
+                                    {"ambient_direct", KUAFU_OUTPUT_AMBIENT_DIRECT, 0, KS_FORMAT_F32},
                                     {"variance", KUAFU_OUTPUT_VARIANCE, 0, KS_FORMAT_F32},
                                     {"sample_count", KUAFU_OUTPUT_SAMPLE_COUNT, 1, KS_FORMAT_U32},
                                     {"srgb", KUAFU_OUTPUT_SRGB, 4, KS_FORMAT_U8},

@@ -32,6 +32,7 @@ typedef struct kuafu_buffer_t* kuafu_buffer;
  * the median lit pixel's green, over all views of the call, at a quarter of white, to 1 part in 256. Negative light and NaN become 0. Offset and strides of the
  * image are multiples of 4 bytes. */
 #define KUAFU_OUTPUT_SRGB 12u
+#define KUAFU_OUTPUT_AMBIENT_DIRECT 13u /* C: AMBIENT's light that met one surface or none: AMBIENT at max_bounces 0. Not with light groups; not denoised */
 /* AOVs (arbitrary output variables) describe what the ray through the pixel's centre hits. Where it hits nothing, positions are NaN, ids are KUAFU_NOTHING_HIT, and
  * all others are 0. */
 #define KUAFU_OUTPUT_DEPTH 16u             /* 1: z in metres, 0 = nothing hit */

@@ -14,7 +14,7 @@ namespace kuafu {
 #endif
 
 // What a path sums apart, plane after plane: the projectors' light, and all other. The latter has a plane for each light group where one of
-// them is asked for.
+// them is asked for, or two where its direct light is: this, and the rest.
 KUAFU_CONST group_projector_direct = 0u;
 KUAFU_CONST group_projector_indirect = 1u;
 KUAFU_CONST group_ambient = 2u;
@@ -84,11 +84,12 @@ KUAFU_CONST output_projector_geometry = 11u;
 KUAFU_CONST output_motion = 12u;
 KUAFU_CONST output_radiance = 13u;     // then projector direct, projector indirect, ambient
 KUAFU_CONST output_light_group = 17u;  // 0, then the others
-KUAFU_CONST output_variance = 21u;
-KUAFU_CONST output_sample_count = 22u;
-KUAFU_CONST output_projector = 23u;  // made by `write`, of the two images that are its parts
-KUAFU_CONST output_srgb = 24u;       // made by `srgb`, of the radiance
-KUAFU_CONST output_kind_count = 25u;
+KUAFU_CONST output_ambient_direct = 21u;
+KUAFU_CONST output_variance = 22u;
+KUAFU_CONST output_sample_count = 23u;
+KUAFU_CONST output_projector = 24u;  // made by `write`, of the two images that are its parts
+KUAFU_CONST output_srgb = 25u;       // made by `srgb`, of the radiance
+KUAFU_CONST output_kind_count = 26u;
 
 // Element formats of output images; numbers are KS_FORMAT_*.
 KUAFU_CONST format_u8 = 1u;
@@ -181,6 +182,7 @@ KUAFU_CONST shade_lights_only = 1u << 4u;    // light with an extent is found by
 KUAFU_CONST shade_bsdf_only = 1u << 5u;      // by BSDF samples alone; else by both, weighted
 KUAFU_CONST shade_glass_shadows = 1u << 6u;  // shadow rays pass smooth glass: they stand in a closest queue, and `transmit` follows them
 KUAFU_CONST shade_bends = 1u << 7u;          // bodies of it bend light: `gather` finds where that landed, and no shadow ray passes them
+KUAFU_CONST shade_direct_apart = 1u << 8u;   // light of group_ambient met one surface, that of the next group more
 
 struct ResolvePush {
   UintArray rays, shadow_rays;

@@ -65,6 +65,7 @@ void accumulate(uint local_pixel) {
       float mean = total(radiance_plane, local_pixel, pass_sum(radiance_plane, local_pixel)) * push.inverse_samples;
       radiance += mean;
       if (group >= group_ambient) ambient += mean;
+      if (group == group_ambient) write_output(output_ambient_direct, pixel, c, mean);
       write_output(group < group_ambient ? output_radiance + 1u + group : output_light_group + group - group_ambient, pixel, c, mean);
     }
     write_output(output_radiance, pixel, c, radiance);

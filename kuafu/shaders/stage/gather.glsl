@@ -78,7 +78,7 @@ void gather(uint i, INOUT(Gathering) g) {
     if (!met) meet_lit_surface(i, g.t, g.path, vertex);
     met = true;
     IN(LightRecord) light = scene.lights.at[choice.index];
-    uint group = light.kind != light_projector ? ambient_group(light.light_group) : all_delta(g.path) ? group_projector_direct : group_projector_indirect;
+    uint group = light.kind != light_projector ? ambient_group(light.light_group, depth(g.path) + 1u) : all_delta(g.path) ? group_projector_direct : group_projector_indirect;
     add_radiance(g.path.slot, group, g.path.throughput * arriving * scattered_towards(vertex, found.direction));
   }
 }

@@ -53,8 +53,16 @@ void add_radiance(uint slot, uint group, Spectrum radiance) {
   }
 }
 
-/// Where light groups are not kept apart, all are the first.
-uint ambient_group(uint light_group) { return group_ambient + min(light_group, push.groups - group_count); }
+uint walked(IN(Path) path) { return (path.flags >> path_walk_shift) & path_walk_mask; }
+
+/// Surfaces (and scatterings of a medium) that the path has met.
+uint depth(IN(Path) path) { return can_walk() ? push.bounce - walked(path) : push.bounce; }
+
+/// met: the surfaces (and scatterings) on the light's way. Where light groups are not kept apart, all are the first.
+uint ambient_group(uint light_group, uint met) {
+  if ((push.flags & shade_direct_apart) != 0u) return group_ambient + min(max(met, 1u) - 1u, 1u);
+  return group_ambient + min(light_group, push.groups - group_count);
+}
 
 uint path_environment(IN(Path) path) { return path.flags & path_environment_mask; }
 bool all_delta(IN(Path) path) { return (path.flags & path_all_delta) != 0u; }

@@ -18,7 +18,7 @@ struct Shading {
 /// The light that is there where a path meets nothing.
 void add_environment(IN(Path) path) {
   IN(EnvironmentRecord) environment = push.scene.at[0].environments.at[path_environment(path)];
-  add_radiance(path.slot, ambient_group(environment.light_group), path.throughput * band_of(environment.radiance));
+  add_radiance(path.slot, ambient_group(environment.light_group, depth(path)), path.throughput * band_of(environment.radiance));
 }
 
 /// Everything up to the BSDF of the surface.

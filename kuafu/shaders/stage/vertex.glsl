@@ -28,7 +28,7 @@ void add_shapes(uint i, IN(Path) path, float t_far, bool open) {
     float weight = found_weight(path, index, hit.pdf);
     if (weight == 0.0f) continue;
     if (open) hit.radiance *= path_transmittance(origin, direction, hit.t);
-    add_radiance(path.slot, ambient_group(light.light_group), path.throughput * hit.radiance * weight);
+    add_radiance(path.slot, ambient_group(light.light_group, depth(path)), path.throughput * hit.radiance * weight);
   }
 }
 
@@ -84,7 +84,7 @@ void load_vertex(uint i, INOUT(Path) path, OUT(Vertex) vertex) {
   if (max_component(m.emission) == 0.0f) return;
   IN(MaterialRecord) record = push.scene.at[0].materials.at[s.material];
   float weight = emission_weight(path, record, t, -dot(s.geometric_normal, load_direction(push.rays_in, i, push.capacity)));
-  add_radiance(path.slot, ambient_group(record.light_group), path.throughput * m.emission * weight);
+  add_radiance(path.slot, ambient_group(record.light_group, depth(path)), path.throughput * m.emission * weight);
 }
 
 void set_bsdf(INOUT(Vertex) vertex) {

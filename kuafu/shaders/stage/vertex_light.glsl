@@ -41,7 +41,7 @@ void find_light(IN(Path) path, vec3 position, vec3 shape_origin, uint k, OUT(Lig
   request.light = light_towards(scene, choice.index, position, point, path.time_s);
   if (request.light.pdf > 0.0f && (push.flags & shade_bsdf_only) != 0u) return;
   bool mesh = (features & feature_lights) != 0u && record.kind == light_mesh;
-  request.group = ambient_group(mesh ? request.light.light_group : record.light_group);
+  request.group = ambient_group(mesh ? request.light.light_group : record.light_group, depth(path) + 1u);
   request.found = max_component(request.light.irradiance) > 0.0f;
 }
 

@@ -8,11 +8,6 @@ struct Walk {
   vec3 position;
 };
 
-uint walked(IN(Path) path) { return (path.flags >> path_walk_shift) & path_walk_mask; }
-
-/// Surfaces (and scatterings of a medium) that the path has met.
-uint depth(IN(Path) path) { return can_walk() ? push.bounce - walked(path) : push.bounce; }
-
 float one_channel(Spectrum weights, float u, OUT(uint) chosen) {
   float sum = 0.0f;
   for (uint c = 0u; c < channels; ++c) sum += channel_of(weights, c);

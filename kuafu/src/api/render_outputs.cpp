@@ -33,6 +33,7 @@ constexpr OutputKind output_kinds[] = {
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 1, output_light_group + 1, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 1"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 2, output_light_group + 2, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 2"},
     {KUAFU_OUTPUT_LIGHT_GROUP_0 + 3, output_light_group + 3, "KUAFU_OUTPUT_LIGHT_GROUP_0 + 3"},
+    {KUAFU_OUTPUT_AMBIENT_DIRECT, output_ambient_direct, "KUAFU_OUTPUT_AMBIENT_DIRECT"},
     {KUAFU_OUTPUT_VARIANCE, output_variance, "KUAFU_OUTPUT_VARIANCE"},
     {KUAFU_OUTPUT_SAMPLE_COUNT, output_sample_count, "KUAFU_OUTPUT_SAMPLE_COUNT"},
     {KUAFU_OUTPUT_PROJECTOR, output_projector, "KUAFU_OUTPUT_PROJECTOR"},
@@ -144,6 +145,8 @@ void check_fits(const Launch& launch, uint32_t kind, const char* what, uint64_t 
 void read_outputs(const kuafu_render_desc& desc, const ks::Device& device, Launch& launch) {
   for (uint32_t i = 0; i < desc.output_count; ++i)
     read_output(ks::read_element(desc.outputs, i, KUAFU_TYPE_OUTPUT_DESC, "outputs"), device, launch);
+  if (launch.outputs[output_ambient_direct].buffer && launch.wants(output_light_group, output_light_group + light_group_count))
+    ks::fail(KS_ERROR_INVALID_ARGUMENT, "KUAFU_OUTPUT_AMBIENT_DIRECT and light groups divide the same light: ask for them in two renders");
 }
 
 void check_ids_fit(const Launch& launch, const Scene& scene) {

@@ -12,12 +12,15 @@
 namespace kuafu {
 namespace {
 
-constexpr uint32_t light_kind_end = output_light_group + light_group_count;
+constexpr uint32_t light_kind_end = output_ambient_direct + 1;
 constexpr uint32_t varying_kernels = 32;  // between the middle's variance and the corners'
 
 double square(double x) { return x * x; }
 
-bool same(const OpticsFields& a, const OpticsFields& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+/// Numbers that are equal in other bits only cost time.
+bool same(const OpticsFields& a, const OpticsFields& b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;  // NOLINT(bugprone-suspicious-memory-comparison)
+}
 
 bool spreads(const Optics& optics) { return optics.psf_sigma_px > 0.0 || optics.psf_corner_sigma_px > 0.0; }
 bool limits_fireflies(const Optics& optics) { return optics.firefly_factor > 0.0; }

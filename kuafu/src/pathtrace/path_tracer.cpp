@@ -62,6 +62,7 @@ void PathTracer::update_tables(const Scene& scene, const Launch& launch) {
 
 WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
   const bool light_groups = launch.wants(output_light_group, output_light_group + light_group_count);
+  const bool direct_apart = launch.wants(output_ambient_direct, output_ambient_direct + 1);
   const bool passes_glass = tables_.shadow_rays_per_vertex() > 0 && tables_.has_glass() && launch.glass_surfaces > 0;
   const uint32_t last_lit = launch.max_bounces + tables_.walk_passes();
   return {.scene = tables_.address(),
@@ -76,8 +77,11 @@ WavePlan PathTracer::plan_of(const Launch& launch, bool special_cameras) const {
           .select_lights = tables_.select_lights(),
           .passes_glass = passes_glass,
           .bends = launch.wants_radiance() && passes_glass && tables_.has_bending() && !launch.straight_through_glass,
+          .direct_apart = direct_apart,
           .features = tables_.features(),
-          .groups = light_groups ? group_ambient + tables_.light_groups() : group_count,
+          .groups = light_groups   ? group_ambient + tables_.light_groups()
+                    : direct_apart ? group_count + 1
+                                   : group_count,
           .shadow_rays_per_vertex = tables_.shadow_rays_per_vertex(),
           .last_lit = last_lit,
           .last_bounce = last_lit + (tables_.has_ambient() ? 1 : 0)};

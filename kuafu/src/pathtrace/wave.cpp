@@ -178,7 +178,8 @@ ShadePush Wave::shade_push(uint32_t bounce) const {
           .flags = flag(plan_.environments, shade_environments) | flag(plan_.ambient, shade_ambient) |
                    flag(plan_.select_lights, shade_select_lights) | flag(glass_shadows(), shade_glass_shadows) |
                    flag(plan_.medium, shade_medium) | flag(launch_.light_sampling == LightSampling::lights, shade_lights_only) |
-                   flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only) | flag(plan_.bends, shade_bends),
+                   flag(launch_.light_sampling == LightSampling::bsdf, shade_bsdf_only) | flag(plan_.bends, shade_bends) |
+                   flag(plan_.direct_apart, shade_direct_apart),
           .groups = plan_.groups,
           .reserved = 0,
           .splats = plan_.splats};

@@ -29,6 +29,7 @@ struct WavePlan {
   bool select_lights = false;  // each vertex asks one light, chosen by power
   bool passes_glass = false;   // shadow rays may pass something on their way
   bool bends = false;          // bodies of it bend light
+  bool direct_apart = false;   // ambient light is kept apart that met one surface
   uint64_t splats = 0;         // address of the SplatTable, with bends
   uint32_t features = 0;       // feature_*
   uint32_t groups = 0;         // of light, kept apart

@@ -285,6 +285,23 @@ TEST(LightGroups, hold_what_their_lights_give_alone) {
   }
 }
 
+TEST(AmbientDirect, is_the_ambient_light_without_bounces) {
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    Room room(tracer);
+    const kuafu_view_desc view = view_at({0, 0, 0}, 12, 9, 10);
+    auto parts = room.world.render({view}, {KUAFU_OUTPUT_AMBIENT, KUAFU_OUTPUT_AMBIENT_DIRECT});
+    auto whole = room.world.render({view}, {KUAFU_OUTPUT_AMBIENT});
+    room.world.take(64, 0);
+    auto once = room.world.render({view}, {KUAFU_OUTPUT_AMBIENT});
+    EXPECT_GT(parts[KUAFU_OUTPUT_AMBIENT].mean(), 1.05 * once[KUAFU_OUTPUT_AMBIENT].mean());
+    for (size_t i = 0; i < once[KUAFU_OUTPUT_AMBIENT].values.size(); ++i) {
+      const double direct = once[KUAFU_OUTPUT_AMBIENT].values[i], all = whole[KUAFU_OUTPUT_AMBIENT].values[i];
+      EXPECT_NEAR(parts[KUAFU_OUTPUT_AMBIENT_DIRECT].values[i], direct, 1e-6 * direct);
+      EXPECT_NEAR(parts[KUAFU_OUTPUT_AMBIENT].values[i], all, 1e-5 * all);
+    }
+  }
+}
+
 TEST(LightGroups, asked_for_or_not_the_image_is_the_same) {
   Room room;
   const kuafu_view_desc view = view_at({0, 0, 0}, 12, 9, 10);

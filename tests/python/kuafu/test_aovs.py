@@ -58,6 +58,8 @@ def test_wrong_words_are_named(renderer, scene):
         renderer.render(scene, CAMERA, {"depth": np.int64})
     with pytest.raises(ValueError, match="scales has 'normal'"):
         renderer.render(scene, CAMERA, ["depth"], scales={"normal": 2})
+    with pytest.raises(ValueError, match="AMBIENT_DIRECT and light groups"):
+        renderer.render(scene, CAMERA, ["ambient_direct", "light_group_0"])
     with pytest.raises(ValueError, match=r"\(2, 4, 4\)"):
         renderer.render(scene, [CAMERA, CAMERA], ["motion"], previous_poses=np.zeros((3, 4, 4)))
     with pytest.raises(ValueError, match="projector is 8"):  # as C counts

@@ -38,8 +38,7 @@ WIDE, SQUARES, LARGE_PIXELS = 4, 2, 2 * 848 * 480
 _DOTS_RAD = 0.0135
 FIRST = ("albedo", "depth", "projector_geometry", "projector_visibility", "projector_uv")
 SURFACE = "depth", "normal", "material_id"
-# Bounced light gets BOUNCED_SHARE of a view's samples. Direct sky light gets the same ones: their noise cancels in the
-# difference, which is the sky's bounced light.
+# Share of a view's samples that bounced light gets.
 BOUNCED_SHARE = 0.125
 # Smaller images get as many samples in all as an image of SHARED_PIXELS, up to MOST_TIMES as many per pixel. Larger
 # ones get no more in all than an image of MOST_PIXELS.
@@ -196,19 +195,15 @@ def matt_layers(
     bounces *= min(1.0, MOST_PIXELS / pixels)
     few = _share(request, bounces)
     room = None if world.room is None else world.room.images(world.renderer, request.cameras, spp, seed=seed)
-    even = LIGHT[2:] if room is None else ()
+    sky = ("ambient", "ambient_direct") if room is None else ()
     first = _first_surfaces(world, request, wide, kept)
     with world.lit([(copy_record(request.projector), first.pattern)]):
-        bounced = images(wide, LIGHT[1:2] + even, few, request.max_bounces, progress, seed=seed)
-        sky = images(wide, even, few, 0, seed=seed)["ambient"] if room is None else room
-    light = [bounced["projector_indirect"], *([bounced["ambient"], sky] if room is None else [])]
+        bounced = images(wide, ("projector_indirect", *sky), few, request.max_bounces, progress, seed=seed)
+    light = [bounced[name] for name in ("projector_indirect", *sky)]
 
     def layers(i: int) -> Layers:
         spread = first.spreads[i](np.stack([image[i, ..., 0] for image in light]), (0.0, 1.0, 1.0)[: len(light)])
-        if room is None:
-            indirect, ambient, direct_sky = spread
-        else:
-            [indirect], ambient, direct_sky = spread, room[i, ..., 0], room[i, ..., 0]
+        indirect, ambient, direct_sky = tuple(spread) if room is None else (spread[0], room[i, ..., 0], room[i, ..., 0])
         direct, flat = first.light[i]
         depth_m, normal, material = (first.seen[name][i].copy() for name in SURFACE)
         return Layers(direct, indirect, ambient, flat, depth_m[..., 0], normal, material[..., 0], direct_sky)
