@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.credible_set import members_of, parted
@@ -147,14 +147,14 @@ class Search:
     def _strain(self) -> float:
         """Returns the largest change of a pose, focal length or albedo by the named effects, in stated deviations.
         Air and surface effects change the meaning of an albedo. Beside an effect of geometry the rig's whole correction
-        counts: together they may imitate an unknown motion of the pattern. If no effect is named, it is the second
-        largest deviation of an albedo, since one albedo may be measured wrong."""
+        counts, by its probability: together they may imitate an unknown motion of the pattern. If no effect is named,
+        it is the second largest deviation of an albedo, since one albedo may be measured wrong."""
         numbers, fitter, of_rig = self._numbers, self._fitter, 0.0
         if not self._names:
             return fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
         if any(n.effect.family in GEOMETRY_FAMILIES for n in self._names):
-            by_chance = float(chdtri(RIG_AMPLITUDES, numbers.alpha))
-            of_rig = numbers.strain * fitter.rig_penalty(self._solution) / by_chance
+            as_unlikely = float(chdtri(RIG_AMPLITUDES, chdtrc(1, numbers.strain**2)))
+            of_rig = numbers.strain * fitter.rig_penalty(self._solution) / as_unlikely
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
             return of_rig
         return max(of_rig, fitter.prior_sigmas(self._solution, self._first))
