@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run by tests/wheel.sh inside a clean virtual environment: a D435 in front of the table-top, and where the libraries
-came from."""
+"""For tests/wheel.sh, in a clean environment: a D435 in front of the table-top, and the libraries' origin."""
 
 import sys
 from importlib.metadata import version

@@ -48,8 +48,7 @@ def parts_of_page() -> dict[str, tuple[int, set[str]]]:
 
 
 def files_of_package() -> dict[str, pathlib.Path]:
-    """{module without `activestereo.`: its file}; a package's name is its __init__.py's. The face, activestereo
-    itself, and __main__ are no parts."""
+    """{module without `activestereo.`: its file}, packages by their __init__.py; the face and __main__ are no parts."""
     found = {}
     for path in PACKAGE.rglob("*.py"):
         name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")

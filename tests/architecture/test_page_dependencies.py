@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ARCHITECTURE.md's table of dependencies of top-level folders is what the sources include and import: no more, no
-less."""
+"""ARCHITECTURE.md's table of dependencies of top-level folders is exactly what the sources include and import."""
 
 import pathlib
 import re
@@ -41,8 +40,7 @@ def folder_of(path: str) -> str:
 
 
 def included(path: pathlib.Path) -> set[str]:
-    """Paths in the repository that a native source includes; what is not found there is the system's, or made by the
-    build."""
+    """Paths in the repository that a native source includes; others are the system's, or made by the build."""
     top = path.relative_to(ROOT).parts[0]
     roots = (path.parent, ROOT / top / "src", ROOT / top / "shaders", *(ROOT / root for root in SHARED_ROOTS))
     found = set()

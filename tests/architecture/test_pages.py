@@ -119,8 +119,7 @@ PAGE = (TESTS / "README.md").read_text(encoding="utf-8")
 
 
 def named() -> set[str]:
-    """`Suite.Name`, `...Name` (of the suite before it), `Suite.*` and `folder/test_file.py` in the last cells of
-    tables."""
+    """`Suite.Name`, `...Name` (of the suite before), `Suite.*` and `folder/test_file.py` in tables' last cells."""
     cells = [line.split("|")[-2] for line in PAGE.splitlines() if line.startswith("| ") and line.count("|") > 2]
     return {name for cell in cells for name in re.findall(r"`([^`]+)`", cell)}
 

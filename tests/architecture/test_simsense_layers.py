@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""simsense's layers point one way, and both back ends show the same stages.
-
-The order is read from simsense/README.md and compared with the sources.
-"""
+"""simsense's layers, in the order of simsense/README.md, point one way; both back ends show the same stages."""
 
 import pathlib
 import re

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Users' files are read by common/input_files.py, which waits for no pipe, and written by common/output_files.py, where
-they appear whole."""
+"""Users' files are read by common/input_files.py, which waits for no pipe, and written whole by output_files.py."""
 
 import ast
 import pathlib

@@ -67,8 +67,7 @@ def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
 
 
 def rendered_table_top():
-    """(left, right, disparity): the example scene as a D435 sees it, with its imager's noise; truth from the renderer,
-    at pixel centres."""
+    """(left, right, disparity): the example scene as a D435 sees it; truth from the renderer, at pixel centres."""
     from activestereo import Pose, StereoDepthSensorConfig
     from bench_camera import before_table_top
 

@@ -112,8 +112,7 @@ def _fattening(truth: Map, found: Map) -> NDArray[np.float64]:
 
 
 def figures(views: list[View], found: list[Map]) -> list[float]:
-    """fill, bad-1, bad-2, bad-2 with holes in percent, plane and fattening in pixels, IoU, with holes in the dark and
-    elsewhere."""
+    """fill, bad-1, bad-2, bad-2 with holes in %, plane and fattening in px, IoU, with holes in the dark, elsewhere."""
     visible = sum(int(view.is_visible.sum()) for view in views)
     errors = [abs(d - v.truth)[v.is_visible & np.isfinite(d)] for v, d in zip(views, found, strict=True)]
     error = np.concatenate(errors)

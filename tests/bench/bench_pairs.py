@@ -155,10 +155,7 @@ MATCHERS: dict[str, Matcher] = {
 
 
 def plane_residual(disparity: NDArray[np.float32]) -> float:
-    """Root mean square distance of a patch from its own plane, without what lies more than a pixel off.
-
-    NaN where less than half of the patch is measured.
-    """
+    """RMS distance of a patch from its own plane, without outliers; NaN where less than half is measured."""
     y, x = np.nonzero(np.isfinite(disparity))
     values = disparity[y, x].astype(float)
     if len(values) < 0.5 * disparity.size:

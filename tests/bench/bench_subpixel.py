@@ -128,8 +128,7 @@ def _of_noise(sums: NDArray[np.float64], random: np.random.Generator) -> float:
 
 
 def rendered_rows(name: str) -> dict[str, list[float]]:
-    """By scale: p-p of the curves of frontal, slanted and curved walls and of noise, px; error in percent to 2 and to 3
-    m."""
+    """By scale: p-p of the curves of frontal, slanted, curved walls and of noise, px; error in % to 2 and to 3 m."""
     rows: dict[str, list[float]] = {}
     for scale, (spp, count) in SCALES.items():
         config, errors = _strip(name, scale), []

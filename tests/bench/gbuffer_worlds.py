@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random tables of matt, glossy and metal things, drawn by a seed, that a path-traced sensor and one on G-buffers see
-alike."""
+"""Random tables of matt, glossy and metal things that a path-traced sensor and one on G-buffers see alike."""
 
 from __future__ import annotations
 

@@ -58,8 +58,7 @@ def mesh(mi: Any, shape: Mesh, bsdf: dict[str, Any], to_world: NDArray[np.float6
 def projector(
     mi: Any, pattern: NDArray[np.floating], k: NDArray[np.float64], w_per_sr: float, to_world: NDArray[np.float64]
 ) -> dict[str, Any]:
-    """pattern: [height, width], 1 = w_per_sr; k's principal point is the image's middle. With another "to_world" the
-    dict serves for other poses."""
+    """pattern: [height, width], 1 = w_per_sr; k's principal point is the image's middle."""
     height, width = pattern.shape
     x = (np.arange(width) - k[0, 2]) / k[0, 0]
     y = (np.arange(height) - k[1, 2]) / k[1, 1]

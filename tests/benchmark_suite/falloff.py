@@ -39,8 +39,7 @@ def blur(image):
 
 
 def light_of(room, frame, black):
-    """Returns (mean light of the surface around each pixel in DN, points in the camera's frame, mask of smooth
-    surfaces, pose)."""
+    """Returns (mean light around each pixel in DN, points in the camera's frame, mask of smooth surfaces, pose)."""
     K, depth = room.rig.left.K, room.depth(frame)
     image = room.ir(frame, "left").astype(np.float32) - black
     row, column = np.indices(depth.shape, dtype=np.float32)

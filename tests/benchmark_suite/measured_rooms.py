@@ -114,8 +114,7 @@ def write(out, rows):
 
 
 def cases(args):
-    """Yields (kind, strength, recording): each recording unchanged, with None for both, then every kind at every
-    strength, on one recording after the other."""
+    """Yields (kind, strength, recording): each recording unchanged, then every kind and strength on one in turn."""
     for recording in args.recordings:
         yield None, None, recording
     number = 0
@@ -126,8 +125,7 @@ def cases(args):
 
 
 def hidden(recording, out, name, strength, seed):
-    """Writes a copy of the recording with the effect `name` in its infrared images to `out`. Returns the effect's true
-    parameters."""
+    """Writes a copy of the recording with the effect `name` in its images. Returns the effect's true parameters."""
     if name != "drops":
         return write_injected(plan(read_capture(recording), name, strength, seed), out)["parameters"]
     shutil.copytree(recording, out)
@@ -197,8 +195,7 @@ def is_told(tells, name, truth, capture):
 
 
 def answered(args, numbered):
-    """Diagnoses the measured room of a numbered row and returns (number, the row with the named effects and the
-    verdict)."""
+    """Diagnoses the measured room of a numbered row. Returns (number, the row with the named effects and verdict)."""
     (number, row), started = numbered, time.monotonic()
     if "why" in row:
         return number, row
@@ -216,8 +213,7 @@ def answered(args, numbered):
 
 
 def grown(row, rows):
-    """Returns the row of a hidden falloff, which is found if its exponent grows beyond the unchanged recording's. rows:
-    those of all cases."""
+    """Returns the row of a hidden falloff, right where the exponent grows beyond the unchanged recording's."""
     plain = next(r["exponent"] for r in rows if r["hidden"] is None and r["recording"] == row["recording"])
     is_found = not row["named"] and abs(row["exponent"] - plain - row["truth"]["exponent"]) < EXPONENT_SD * 3.0
     return row | {"verdict": "right"} if is_found else row

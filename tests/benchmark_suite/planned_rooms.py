@@ -93,8 +93,7 @@ def promised(folder, rng):
 
 
 def answered(folder, row):
-    """Records the views with the effect, and what the plan asks for, diagnoses them, and returns the row with the named
-    effects and verdict."""
+    """Records what the plan asks for with the effect in it, and returns the row with named effects and verdict."""
     view = next((view for text, view in VIEWS.items() if text in row["by"]), None)
     clean, reference = folder / "clean", []
     if view is not None:

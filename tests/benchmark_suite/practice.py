@@ -41,8 +41,7 @@ def main() -> None:
 
 
 def row(folder: Path, out: Path, tool: str, device: str) -> str:
-    """Diagnoses a practice capture twice, with and without kept renders, and returns its row of the Markdown table.
-    tool: the command activestereo."""
+    """Diagnoses a practice capture twice, first without kept renders, and returns its row of the Markdown table."""
     capture, place, answer = out / "captures" / folder.name, out / folder.name, folder / "answer.json"
     if not capture.is_dir():
         shutil.copytree(folder, capture, ignore=shutil.ignore_patterns(answer.name))
@@ -69,8 +68,7 @@ def row(folder: Path, out: Path, tool: str, device: str) -> str:
 
 
 def kept(result: Path, command: list[str], cache: Path) -> tuple[dict, dict]:
-    """Returns (the JSON that a command wrote to `result`, its times). Runs the command only if its times are not
-    stored. cache: folder of kept renders."""
+    """Returns (the JSON that a command wrote to `result`, its times), kept from an earlier run where there is one."""
     times = result.with_name("times.json")
     if not times.is_file():
         result.parent.mkdir(parents=True, exist_ok=True)

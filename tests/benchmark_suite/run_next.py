@@ -43,8 +43,7 @@ def main():
 
 
 def asked_change(answer):
-    """Returns the change of frames that the diagnosis advises first, None without such advice. answer: diagnose.json's
-    contents."""
+    """Returns the change of frames that the diagnosis advises first, None without such advice."""
     return answer["next_measurement"][0]["change"] if answer["next_measurement"] else None
 
 

@@ -127,8 +127,7 @@ def _run_one(task):
 
 
 def diagnose_capture(command, capture, answer, timeout):
-    """Runs the tool on a capture folder. Returns {returncode, said}. answer: the folder for diagnose.json and the
-    tool's output; timeout: seconds."""
+    """Runs the tool on a capture folder for at most `timeout` seconds. Returns {returncode, said}."""
     words = [word.format(capture=capture, out=answer) for word in shlex.split(command)]
     with open(answer / "log.txt", "w") as log:
         try:

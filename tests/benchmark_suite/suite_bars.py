@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lists the bars for the benchmark suite's measures: the direction, the value needed to ship, and the world-class
-value."""
+"""Lists the bars for the benchmark suite's measures: the direction, the value to ship, the world-class value."""
 
 BARS = {
     "top-1": (">=", 0.85, 0.92),

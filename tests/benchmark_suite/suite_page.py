@@ -9,8 +9,7 @@ _GOOD, _FAIR, _BAD, _QUIET, _INK = "#2f855a", "#d69e2e", "#c53030", "#cbd5e0", "
 
 
 def write_page(scores, results, folder, set_name):
-    """Writes README.md, answers.png, confusion.png and calibration.png into `folder`. Returns the score table as
-    text."""
+    """Writes README.md, answers.png, confusion.png and calibration.png into `folder`. Returns the score table."""
     table = _table(scores["measures"])
     lines = [
         f"# The benchmark suite: set `{set_name}`, {len(results)} test cases",

@@ -36,8 +36,7 @@ class Result:
 
     @property
     def _asked(self):
-        """Returns the part of the answer that is scored: the depth engine's if its fault is hidden in a capture with
-        infrared images."""
+        """Returns the part that is scored: the depth engine's if its fault is hidden beside infrared images."""
         asks_for_depth = self.key["set"] == "depth" and self.key["infrared"]
         return self.answer.get("depth", self.answer) if asks_for_depth else self.answer
 
@@ -214,8 +213,7 @@ def _set_of(r):
 
 
 def _all_told(r):
-    """Returns whether the answer covers the truth: each hidden effect is a name or equivalent to one, and every name's
-    set holds a hidden effect."""
+    """Returns whether each hidden effect is a name or equivalent to one, and every name's set holds a hidden effect."""
     equivalent = {r.case_name(entry["effect"]): map(r.case_name, entry["equivalent"]) for entry in r.ranking}
     sets = [{name, *equivalent.get(name, ())} for name in r.added]
     return bool(sets) and all(found & r.truth for found in sets) and r.truth <= set().union(*sets)
@@ -240,8 +238,7 @@ def _covered(r):
 
 
 def _fall(r):
-    """Returns the share of the held-out mean square error above the true floor that the diagnosis removed, by the
-    tool's own figures. None if unknown."""
+    """Returns the share of the held-out square error above the true floor that was removed. None if unknown."""
     if r.failed or r.answer["heldout_ir_rmse_before"] is None:
         return None
     before, after, floor = (
@@ -271,8 +268,7 @@ def _ece(results):
 
 
 def _by_strength(singles):
-    """Returns {strength: {measure: rate, "confusion": {true effect: the first name or other answer}}} of cases with one
-    effect."""
+    """Returns {strength: {measure: rate, "confusion": {true effect: first name or answer}}} of single effects."""
     table = {}
     for strength in ("below", "weak", "medium", "strong"):
         part = [r for r in singles if strength in r.key["strengths"].values()]

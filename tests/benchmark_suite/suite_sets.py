@@ -33,8 +33,7 @@ _SMALL = (
 
 @dataclass(frozen=True)
 class Item:
-    """Identifies one test case. strengths: {effect: index into STRENGTHS}, as a tuple of pairs. infrared: False leaves
-    the images out of the capture."""
+    """One test case. strengths: ((effect, index into STRENGTHS), ...). infrared: False leaves the images out."""
 
     set: str
     number: int
@@ -90,8 +89,7 @@ def _pairs():
 
 
 def _mitsuba():
-    """Returns cases that Mitsuba renders: library effects and outside effects among those that it can show, and cases
-    without an effect."""
+    """Returns cases that Mitsuba renders: effects of the library and others that it can show, and none."""
     rng = np.random.Generator(np.random.PCG64(8))
     kinds = [rng.permutation([name for name in part if name not in NOT_RENDERED]) for part in (SINGLE, OUTSIDE)]
     hidden = [*kinds[0][:MITSUBA_SINGLE], *kinds[1][:MITSUBA_OUTSIDE]]

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contexts that the code blocks of a page take for granted: files in the folder that they run in, and names that Python
-blocks use."""
+"""Files and names that the code blocks of a page take for granted."""
 
 import pathlib
 import subprocess

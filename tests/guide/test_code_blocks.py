@@ -69,8 +69,7 @@ def blocks_of(page: str) -> list[tuple[str, str]]:
 
 
 def programs(language: str) -> list[str]:
-    """The pages with programs in a language. The first page's Python is run by tests/python/cli/test_readme.py, which
-    also looks at its result."""
+    """The pages with programs in a language; the first page's Python is run by tests/python/cli/test_readme.py."""
     pages = [page for page in PAGES if (language, page) != ("python", "README.md")]
     return [page for page in pages if any(kind == language for kind, _ in blocks_of(page))]
 
@@ -117,8 +116,7 @@ def as_run_here(line: str) -> str:
 
 
 def assert_depths_are_right(said: str) -> None:
-    """Checks the depths of the wall at 1.5 m and the board at 0.8 m, within 3 %: about one disparity step of a tenth of
-    a pixel and its noise."""
+    """The wall at 1.5 m and the board at 0.8 m are measured within 3 %: a step of a tenth of a pixel and its noise."""
     found = re.fullmatch(r"wall ([\d.]+) m, board ([\d.]+) m\n", said)
     assert found, said
     assert [float(text) for text in found.groups()] == pytest.approx([1.5, 0.8], rel=0.03)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The notebooks' pages are what the notebooks hold, with outputs and small pictures. test_code_blocks.py runs their
-cells, as those of all pages."""
+"""The notebooks' pages are what the notebooks hold; test_code_blocks.py runs their cells."""
 
 import json
 import pathlib

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The installation can be used from where it lies: by pkg-config, find_package, after a move, by add_subdirectory and
-FetchContent."""
+"""The installation works where it lies: pkg-config, find_package, after a move, add_subdirectory, FetchContent."""
 
 import os
 import pathlib
@@ -114,8 +113,7 @@ def test_other_versions_are_refused(moved_prefix, tmp_path, library, older):
 
 
 def test_project_that_takes_this_one_in(tmp_path):
-    """Configures all, compiles a file of each library without the shaders; ACTIVESTEREO_FULL=1 (tests/run.sh --full)
-    builds and runs a program."""
+    """Configures all and compiles a file of each library; ACTIVESTEREO_FULL=1 builds and runs a program."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
     run(
         "cmake", "-S", ROOT / "tests/install/subdirectory", "-B", tmp_path, "-G", "Ninja",

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drives Debian's headless chromium over a pipe by the DevTools protocol
-(chromedevtools.github.io/devtools-protocol)."""
+"""Drives headless chromium over a pipe by the DevTools protocol (chromedevtools.github.io/devtools-protocol)."""
 
 import json
 import os
@@ -127,8 +126,7 @@ class Page:
             time.sleep(0.02)
 
     def place(self, selector: str, x: float = 0.5, y: float = 0.5) -> tuple[float, float]:
-        """Scrolls an element into view and returns window coordinates inside it. x, y: place as shares of its width and
-        height."""
+        """Scrolls an element into view. Returns window coordinates at shares x, y of its width and height."""
         script = f"""(() => {{ const e = document.querySelector({json.dumps(selector)});
             e.scrollIntoView({{block: 'center'}});
             const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; }})()"""

@@ -1,3 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adds known effects to the measured images of a capture. Its formulas are its own and share nothing with the lab's
-library of effects."""
+"""Adds known effects to the measured images of a capture, by formulas that the lab's library does not share."""

@@ -22,8 +22,7 @@ _BETWEEN = 0.2  # the window's quantile that is taken for the light between dots
 
 @dataclass(frozen=True)
 class Light:
-    """An image without its black level, with the variance of its noise. value: DN above black, [height][width];
-    variance: DN^2."""
+    """An image without its black level, in DN above black [height][width], with its noise's variance in DN^2."""
 
     value: Image
     variance: Image
@@ -58,8 +57,7 @@ class View:
 
 
 def resampled(light: Light, u: np.ndarray, v: np.ndarray, outside: float | None = None) -> Light:
-    """Returns the light interpolated at positions (u, v) in pixels. outside: value beyond the image; None repeats the
-    border."""
+    """Returns the light interpolated at pixels (u, v). outside: value beyond the image; None repeats the border."""
     height, width = light.value.shape
     first_u, weight_u = _taps(u)
     first_v, weight_v = _taps(v)
@@ -129,8 +127,7 @@ def radial_distortion(light: Light, view: View, k1: float) -> Light:
 
 
 def tangential_distortion(light: Light, view: View, size: float, direction_rad: float) -> Light:
-    """Bends the image as a lens with decentred elements does (Brown 1966). p1 and p2 are `size` times the direction's
-    sine and cosine."""
+    """Bends the image as decentred lens elements do (Brown 1966), by p1 and p2 of this size and direction."""
     p1, p2 = size * np.sin(direction_rad), size * np.cos(direction_rad)
     return _bent(
         light, view, lambda x, y, r2: (2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
@@ -197,8 +194,7 @@ def dead_dots(light: Light, view: View, share: float) -> Light:
 
 
 def dead_directions(view: View, share: float) -> np.ndarray:
-    """Draws the pattern's pixels without light, bool [height][width]: discs at random places until they fill
-    `share`."""
+    """Draws the pattern's pixels without light, bool [height][width]: discs at random places that fill `share`."""
     width, height = view.projector_size
     dead, count = np.zeros((height, width), bool), 0
     radius = max(1.0, _DISC * width / 2)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the effects that can be put into measured images, their strengths, and the names in the lab's library that
-are right for them."""
+"""Defines the effects that measured images may get, their strengths, and their names in the lab's library."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class Kind:
     drawn: Callable[[np.random.Generator], Mapping[str, float]] = lambda _: {}
 
     def value(self, strength: str) -> float:
-        """Returns the parameter's value for a strength's name or a number as text. Raises ValueError with the
-        choices."""
+        """Returns the parameter's value for a strength's name or a number as text. ValueError has the choices."""
         if strength in STRENGTHS:
             return self.values[STRENGTHS.index(strength)]
         try:

@@ -22,8 +22,7 @@ _QUIET = 0.1
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise variance in DN^2 as floor_dn2 + slope_dn x light, in DN above black. measured: the method that measured
-    it."""
+    """Noise variance in DN^2 as floor_dn2 + slope_dn x light in DN above black. measured: by which method."""
 
     floor_dn2: float
     slope_dn: float
@@ -34,8 +33,7 @@ class NoiseModel:
 
 
 def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
-    """Fits the noise model to differences of repeated frames. Without repeats it uses the quietest blocks of the
-    images, where texture makes it too high."""
+    """Fits the noise model to differences of repeats, else to the quietest blocks, where texture makes it too high."""
     pairs = [
         (capture.ir(first, side), capture.ir(second, side))
         for frames in capture.repeats()

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The held-out test cases are what their keys say: light obeys its laws, hidden effects show, and the simulator agrees
-where nothing hides."""
+"""The held-out cases are what their keys say: light obeys its laws, hidden effects show, and nothing else does."""
 
 import json
 import re
@@ -84,8 +83,7 @@ def test_a_ball_on_the_table_darkens_it_by_the_balls_form_factor():
     Sphere("ball", (0.0, 0.1, 0.0), 0.1, 0.5),
 ])  # fmt: skip
 def test_triangles_lie_on_the_closed_form(solid):
-    """Rays from far towards the triangles' middles hit the solid within 40 micrometres of them, from the side of their
-    normal."""
+    """Rays from far towards the triangles' middles hit the solid within 40 micrometres, from their normal's side."""
     positions, normals, faces = solid.triangles()
     middles, outward = positions[faces].mean(axis=1), normals[faces].mean(axis=1)
     length = np.linalg.norm(outward, axis=1)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Effects hidden in measured images: each changes measured images by its formula, noise stays the sensor's, and the
-answer says what was done."""
+"""Effects hidden in measured images follow their formulas; noise stays the sensor's; the answer says what was done."""
 
 import itertools
 import json

@@ -18,8 +18,7 @@ from activestereo.scene_io.gltf_writer import GltfWriter
 
 
 class FakeRay(SimpleNamespace):
-    """Ray's calls in one process. found: {frame: its files, or the error that get() raises}; asked: remote()'s
-    options."""
+    """Ray's calls in one process. found: {frame: its files, or get()'s error}; asked: remote()'s options."""
 
     exceptions = SimpleNamespace(RayError=OSError, RayTaskError=type("Failed", (OSError,), {}))
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page from a real camera to its model is followed command by command on a practice recording, and what the model
-says is the recording's truth."""
+"""The page from a real camera to its model, followed on a practice recording, finds the recording's truth."""
 
 import json
 import os

@@ -116,8 +116,7 @@ GAIN, SIGMA, BLACK, DSNU = 1.0, 3.0, 29.4, 1.5
 
 @pytest.fixture(scope="module")
 def steps(tmp_path_factory):
-    """Pairs of evenly lit frames of a 12-bit camera with unequal pixels in one folder each, dark ones, and a descriptor
-    of EMVA 1288 that lists them."""
+    """Pairs of even frames of a 12-bit camera in a folder each, dark ones, and EMVA 1288's descriptor of them."""
     folder, rng, size = tmp_path_factory.mktemp("steps"), np.random.default_rng(8), (64, 96)
     uneven, offset = 1.0 + 0.02 * rng.standard_normal(size), BLACK + DSNU * rng.standard_normal(size)
     lines = ["# drawn", "v 3.1", "n 12 96 64"]
@@ -196,8 +195,7 @@ def test_the_command_replaces_one_section_only(folder, tmp_path, capsys):
 
 
 def test_the_sensor_takes_what_was_measured(tmp_path):
-    """Through the file into the sensor's configuration: the noise model that was drawn from, read noise without
-    rounding's."""
+    """The noise model that was drawn from arrives in the sensor's configuration, without rounding's read noise."""
     noise_model = NoiseModel("gamma", 4.0, 0.8, 5.0)
     out = tmp_path / "model.json"
     replace_sections(out, calibrate_noise(views(noise_model, 20), dark(noise_model)).model())

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pattern from walls that kuafu renders, whose dots and projector are known. At 424x240 dots are a pixel wide:
-harder than 848x480."""
+"""The pattern from walls that kuafu renders, whose dots and projector are known; at 424x240 a pixel wide."""
 
 import json
 import shutil

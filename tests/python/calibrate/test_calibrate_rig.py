@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig from boards: corners with noise of 0.08 px from a rig that is known, and rendered pictures of printed
-boards."""
+"""The rig from boards: noisy corners of a known rig, and rendered pictures of printed boards."""
 
 import json
 from dataclasses import replace
@@ -71,8 +70,7 @@ def test_a_false_detection_is_left_out():
 
 @pytest.mark.parametrize("board", [BOARD, Board("charuco", 9, 6, 0.03, 0.022), Board("apriltag", 5, 3, 0.04, 0.012)])
 def test_boards_are_found_where_the_camera_draws_them(board):
-    """Rendered pictures of a print at a slant: corners within 0.2 px in the median, and no shift of more than 0.15 px
-    in common."""
+    """A rendered print at a slant: corners within 0.2 px in the median, with at most 0.15 px in common."""
     world = RigWorld.make(4, count=3, has_lens=False)
     for view in world.views:
         pose = world.boards[view.name]

@@ -154,8 +154,7 @@ def write_lone_mcap(path, **more):
 
 
 def write_lone_db3(path):
-    """One file without metadata.yaml, whose time begins at 0, images as PNG, the baseline as an option: librealsense's
-    since 2.58."""
+    """A file without metadata.yaml that begins at 0, with PNGs, the baseline an option: librealsense's since 2.58."""
     store, folder = get_typestore(Stores.ROS2_HUMBLE), path.parent / "whole"
     types = store.types
     with Writer2(folder, version=8) as writer:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first page fits one screen, its Python example runs as it stands, and its links and those of the guide lead
-somewhere."""
+"""The first page fits one screen, its Python example runs, and the guide's links lead somewhere."""
 
 import os
 import re
@@ -43,8 +42,7 @@ def test_links_lead_to_files(page):
 
 
 def test_first_page_leads_to_the_pages_of_the_guide():
-    """Each page of prose is reached from the first one; the references and the page about the site itself stand on the
-    site only."""
+    """Each page of prose is reached from the first one; references and the site's own page are not."""
     for page in {path.name for path in GUIDE.glob("*.md")} - {"README.md", "c_api.md", "python_api.md"}:
         assert f"(examples/guide/{page})" in README, page
 

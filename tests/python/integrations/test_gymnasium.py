@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gymnasium environments get the depth of an active stereo camera: with the package where it is installed, else with
-what its published interface says."""
+"""Gymnasium environments get an active stereo camera's depth, by the package or its published interface."""
 
 import importlib
 import os

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ManiSkill's environments with active stereo cameras: its conventions, its own raster camera as the truth, parallel
-scenes."""
+"""ManiSkill's environments with active stereo cameras, beside its own raster camera; parallel scenes."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renderer.light_gbuffers: laws of warped views, of the projector's light and of the room's, on the host as in Vulkan
-compute, and bad images."""
+"""Renderer.light_gbuffers: laws of warped views and of light, on the host as in Vulkan compute, and bad images."""
 
 from functools import cache
 
@@ -248,8 +247,7 @@ def test_supersampled_light_is_the_mean_of_finer_cameras(n, tracer):
 @pytest.mark.parametrize("is_right_given", [False, True])
 @pytest.mark.parametrize("baseline_m", [BASELINE_M, -BASELINE_M])
 def test_a_matt_point_has_one_radiance_in_both_eyes(is_right_given, baseline_m):
-    """Blocks at 0.5 m before a wall at 1 m: their points stand 10 and 5 px aside in the other camera. The last block
-    stands at the left camera's border."""
+    """Blocks at 0.5 m before a wall at 1 m stand 10 and 5 px aside in the other camera; the last at its border."""
     given, right, aside = wall(1.0), wall(1.0), 5 if baseline_m > 0 else -5
     for first, end in ((30, 45), (60, 64), (90, 100)):
         given["depth"][:, 4:20, first:end] = 0.5

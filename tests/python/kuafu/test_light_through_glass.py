@@ -215,8 +215,7 @@ BATCH_SIDE_PX = 48
 def rendered(
     device: kuafu.Device, beside_m: list[float], neighbour_first: bool, output: str = "radiance", shadows: str = "bent"
 ) -> tuple[NDArray[np.float32], int]:
-    """The image of an environment with a ball of 6 cm and a lamp, beside one with balls of these radii;
-    and the bytes that the device holds."""
+    """The image of an environment with a ball and a lamp, beside one with balls of these radii; the device's bytes."""
     scene = kuafu.Scene(device)
     scene.set_environment((0, 0, 0), 0.0)
     grey = scene.add_material(kuafu.Material(base_color=(0.5, 0.5, 0.5, 1.0), specular=0.0))

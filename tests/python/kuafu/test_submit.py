@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders that Python does not wait for: the same bits, two under way, cancel, and scenes that stay as they are
-meanwhile."""
+"""Renders that Python does not wait for: bits, two under way, cancel, and scenes that stay meanwhile."""
 
 import threading
 

@@ -52,8 +52,7 @@ def test_the_sentence_the_rivals_and_the_advice_are_there(screen):
 
 
 def test_the_pictures_are_the_images(screen, ball_comparison):
-    """The detail of a small image has 140 pixels across, and the same place in measurement and models: where the
-    squared error falls most."""
+    """The detail has 140 pixels across, in measurement and models: where the squared error falls most."""
     pictures, images = _pictures(screen), model_images(ball_comparison, FOUND)
     assert list(pictures) == ["measured", "model", "model with what was found", "measured − model", "what is left"]
     tests = [(f.id, side) for f in ball_comparison.capture.split("test") for side in ("left", "right")]

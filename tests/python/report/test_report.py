@@ -126,8 +126,7 @@ def test_pictures_quote_the_figures_of_their_frames(comparison):
 
 
 def test_what_the_ranking_cannot_show_is_left_out(comparison):
-    """A random effect, a fault of the depth engine, and an effect that this program does not know have no expected
-    image."""
+    """A random effect, a depth engine's fault and an unknown effect have no expected image."""
     rows = [("shot_noise", {}), ("pixel_locking", {}), ("of another program", {"x": {"value": 1.0}})]
     ranking = [{"effect": name, "parameters": parameters} for name, parameters in rows]
     assert list(model_images(comparison, {"ranking": ranking})) == ["base"]

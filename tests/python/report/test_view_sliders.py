@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sliders of `activestereo view` in a browser: they are dragged, typed into and moved by keys, and the picture and
-its depth follow."""
+"""The sliders of `activestereo view` in a browser, dragged, typed into and moved by keys; the picture follows."""
 
 import json
 import shutil

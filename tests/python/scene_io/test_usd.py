@@ -192,8 +192,7 @@ _WALL = (
 
 
 def _on_the_wall(path: Path, kind: str, inputs: dict[str, float]) -> tuple[float, float]:
-    """Lux of visible light on a wall 4 m before a lamp, by Rec. 709's weights, and infrared light over red one for
-    a camera whose ir_ambient_scale is 1."""
+    """Lux on a wall 4 m before a lamp (Rec. 709's weights), and infrared over red light at ir_ambient_scale 1."""
     fields = "".join(f" {_TYPES.get(name, 'float')} inputs:{name} = {value}\n" for name, value in inputs.items())
     fields = fields.replace("inputs:activestereo", "activestereo")
     place = ' double3 xformOp:translate = (0, 0, 4)\n uniform token[] xformOpOrder = ["xformOp:translate"]\n'

@@ -140,8 +140,7 @@ def test_redwoods_disparities_are_eighths_of_a_normal_distribution_of_every_othe
 
 
 def test_simkinect_is_half_a_step_too_near_and_empty_at_edges():
-    """round(n + 0.5 + N(0, 1/6)) of a whole step n is n or n + 1, as often; an edge's window has no 1 / 1.2 of its
-    pixels within reach of its mean."""
+    """round(n + 0.5 + N(0, 1/6)) is n or n + 1, as often; at an edge no 1 / 1.2 of a window is near its mean."""
     fb, random = 40.0, np.random.default_rng(1)
     depth = np.full((1, 60, 80), fb / 30.0, np.float32)
     found = simkinect(depth, fb, random)

@@ -157,8 +157,7 @@ def test_depth_along_rays_is_what_planar_depth_is(config, sensor):
 
 @pytest.fixture(scope="module")
 def traced():
-    """(sensor, G-buffers of its left camera, materials, what GBufferStereo finds in them): matt things and steel on a
-    table."""
+    """(sensor, its left camera's G-buffers, materials, GBufferStereo's result): matt things and steel on a table."""
     config = StereoDepthSensorConfig("D435").scaled(0.4)
     config.samples_per_pixel, config.ir_exposure_mode = 16, "fixed"
     scene = kuafu.Scene(kuafu.Device())

@@ -115,8 +115,7 @@ def test_stage_times_name_the_three_parts(table):
 
 
 def test_a_wall_in_front_of_the_sensor_is_as_far_as_it_is(small_config):
-    """The default pose looks along x. Nothing but axes, poses, projector, matcher and registration in their places
-    gives this number."""
+    """The default pose looks along x. Only axes, poses, projector, matcher and registration in place give this."""
     small_config.max_bounces = 0
     sensor = with_depth(StereoDepthSensor(small_config, wall_scene(0.9)))
     np.testing.assert_allclose(sensor.get_true_depth(), 0.9, rtol=1e-5)

@@ -113,8 +113,7 @@ def test_the_whole_rig_moves_as_one_body(small_config):
 
 
 def test_dots_on_a_wall_stay_where_they_are_in_a_sensor_that_slides_along_it(small_config):
-    """The projector goes with the cameras: what they see of it does not move, and so nothing blurs; without it the dots
-    would run by 5 pixels."""
+    """The projector goes with the cameras, so that its light stands still; without it dots would run by 5 pixels."""
     small_config.max_bounces, small_config.ir_camera_exposure = 0, 0.02
     # Sideways, in the left camera's axes.
     along_wall = camera_to_world(small_config.trans_pose_l)[:3, :3].T @ [0.0, -1.0, 0.0]

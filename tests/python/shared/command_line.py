@@ -15,8 +15,7 @@ _PATIENCE_S = 60
 
 
 def run_here(capsys, *words, patience_s=_PATIENCE_S):
-    """The command's status and what it wrote, without the second that a process takes to start; TimeoutError where it
-    waits."""
+    """The command's status and words, without a process' start; TimeoutError where it waits."""
 
     def end(number, frame):
         raise TimeoutError(f"{words} is at work after {patience_s} s")

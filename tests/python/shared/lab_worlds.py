@@ -20,8 +20,7 @@ BLACK_DN = 4.0  # what the worlds' imagers add to every pixel
 
 
 class WorldRenderer:
-    """Renders a world's solids by closed form, grid x grid rays a pixel; equal requests give equal noise. Counts its
-    calls."""
+    """Renders a world's solids by closed form, grid x grid rays a pixel, with noise by request. Counts its calls."""
 
     def __init__(self, world, grid=4, bounces=1):
         self._world, self._grid, self._bounces = world, grid, bounces
@@ -43,8 +42,7 @@ class WorldRenderer:
 
 
 class RememberingRenderer:
-    """Renders each pose once, whatever the seed and the number of samples: a renderer without noise, whose images are
-    the truth."""
+    """Renders each pose once, whatever the seed and samples: a renderer without noise, whose images are the truth."""
 
     def __init__(self, renderer):
         self._renderer, self._known = renderer, {}

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by what is run by hand: material_worlds.py's room as Mitsuba 3 renders it, with a thing of that
-renderer's own materials."""
+"""For programs run by hand: material_worlds.py's room as Mitsuba 3 renders it, with its own materials."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated frames in the real pyrealsense2 (pip install pyrealsense2): its software device takes them, and its own
-align, filters and recorder work on them."""
+"""Simulated frames in the real pyrealsense2's software device, with its own align, filters and recorder."""
 
 from __future__ import annotations
 

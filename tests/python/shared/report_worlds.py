@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the report's tests: a comparison with much to explain, what a diagnosis of it says, and the decoder of the
-page's pictures."""
+"""A comparison with much to explain, a diagnosis of it, and the decoder of the page's pictures."""
 
 import base64
 import io

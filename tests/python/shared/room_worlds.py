@@ -26,8 +26,7 @@ BALLS = [((-0.35, 0.3, 1.5), 0.3), ((0.4, 0.35, 1.4), 0.25), ((0.05, -0.2, 1.8),
 
 @dataclass(frozen=True)
 class Warm:
-    """A rig that has warmed up: pixels by which the right image moves, growth of both images and of the sines of the
-    pattern's angles, and the laser's power."""
+    """A warm rig: the right image's shift in px, growth of images and of the pattern's sines, the laser's power."""
 
     right_px: float = 0.0
     growth: float = 0.0
@@ -93,8 +92,7 @@ class Room:
         return folder
 
     def _seen(self, k: int, offset: float, waves: list, parts: int = 1) -> tuple[np.ndarray, ...]:
-        """A view's depth, places from the projector, light of its room, what its surfaces send back of the dots, and
-        its lens."""
+        """A view's depth, places from the projector, light of its room and of its surfaces, and its lens."""
         pose = self.pose(k)
         v, u = (np.mgrid[0 : HEIGHT * parts, 0 : WIDTH * parts] + 0.5) / parts - 0.5
         ray = np.stack([(u - CX) / F, (v - CY) / F, np.ones_like(u)], axis=-1)

@@ -17,8 +17,7 @@ def schema_of(name: str) -> dict[str, Any]:
 
 
 def violations(value: Any, name: str) -> list[str]:
-    """Texts of what is wrong with a value by the schema of a name; empty where it is valid. A schema that is none
-    raises SchemaError."""
+    """Faults of a value by the schema of a name, empty where it is valid; SchemaError for a wrong schema."""
     schema = schema_of(name)
     jsonschema.Draft202012Validator.check_schema(schema)
     return [f"{e.json_path}: {e.message}" for e in jsonschema.Draft202012Validator(schema).iter_errors(value)]

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the pattern's tests: captures of a flat wall under the D435's pattern, rendered by kuafu, whose dots are
-known."""
+"""Captures of a flat wall under the D435's pattern, rendered by kuafu, whose dots are known."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,8 +78,7 @@ class WallWorld:
         self, folder: Path, device: kuafu.Device, repeats: int = 20, spp: int = 32, seed: int = 0,
         brightest_dn: float = 190.0,
     ) -> Capture:  # fmt: skip
-        """Writes a capture of the walls, one repeat group each, exposed alike; the brightest dots of the first one come
-        to brightest_dn above black."""
+        """Writes a capture of the walls, a repeat group each; the first one's brightest dots are at brightest_dn."""
         rng = np.random.default_rng(seed)
         images, frames = {}, []
         gain = None

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pairs of fisheye lenses: rectified as OpenCV's fisheye module does, and registered with the same bits on both back
-ends."""
+"""Fisheye pairs: rectified as OpenCV does, and registered with the same bits on both back ends."""
 
 import cv2
 import numpy as np

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subpixel steps on a slope that passes every fraction of a pixel: the default's pull towards whole pixels is at most
-half of the parabola's."""
+"""On a slope of every fraction of a pixel the default's pull to whole pixels is at most half the parabola's."""
 
 from bench_accuracy import locking_curve, sloped_dots
 from bench_pairs import ours

@@ -31,8 +31,7 @@ def engine_mm(left, right, **settings):
 
 
 def agreement(ours_mm, device_mm):
-    """Median absolute difference in mm after one affine fit, and both fill rates. The device's depth was decoded from a
-    picture of unknown range."""
+    """Median difference in mm after an affine fit (the device's range is unknown), and both fill rates."""
     both = (ours_mm > 0) & (device_mm > 0)
     fit = np.polyfit(ours_mm[both], device_mm[both], 1)
     return (

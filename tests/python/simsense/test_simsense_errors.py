@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A wrong argument of the depth engine raises an error of one line that names it, with what it must be, and no name out
-of C."""
+"""A wrong argument of the depth engine is one line that names it and what it must be, without names out of C."""
 
 import numpy as np
 import pytest

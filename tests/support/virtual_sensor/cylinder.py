@@ -11,8 +11,7 @@ _SEGMENTS = 192
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A solid cylinder with caps that extends from `centre` by half_length to both sides along the unit vector
-    `axis`."""
+    """A solid cylinder with caps, from `centre` by half_length to both sides along the unit vector `axis`."""
 
     name: str
     centre: tuple

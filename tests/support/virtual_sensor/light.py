@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes radiance in a world of Lambertian solids, lit by a projector and a uniform sky, over paths of any number of
-bounces."""
+"""Computes radiance of Lambertian solids under a projector and a uniform sky, over any number of bounces."""
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -36,8 +35,7 @@ def _inside(image, u, v):
 
 
 def bilinear(image, u, v):
-    """Interpolates the image, and an image of ones, at places (u, v); pixel centres are at integers. Returns [2][n];
-    samples outside count as zero."""
+    """Interpolates the image, and one of ones, at places (u, v). Returns [2][n]; samples outside are zero."""
     both = image, np.ones_like(image)
     return np.stack([map_coordinates(one, (v, u), order=1, mode="grid-constant") for one in both])
 
@@ -73,8 +71,7 @@ def radiance(solids, origins, directions, projector, numbers, bounces):
 
 
 def _cosine_direction(normal, a, b):
-    """Returns cosine-distributed unit directions [n][3]: a point of the unit sphere added to the normal. a, b: random
-    numbers in 0..1."""
+    """Returns cosine-distributed unit directions [n][3], by random numbers a, b in 0..1."""
     z = 2.0 * a - 1.0
     r = np.sqrt(np.maximum(0.0, 1.0 - z * z))
     sphere = np.stack([r * np.cos(2 * np.pi * b), r * np.sin(2 * np.pi * b), z], axis=1)

@@ -10,8 +10,7 @@ from virtual_sensor.pcg import Pcg
 
 @dataclass(frozen=True)
 class Sensor:
-    """The figures of an infrared imager. projector_scale, ambient_scale: DN per second x gain x radiance; shot: DN of
-    variance per DN; speckle_k: gamma shape."""
+    """An imager's figures. scales: DN per s x gain x radiance; shot: variance per DN; speckle_k: gamma shape."""
 
     projector_scale: float
     ambient_scale: float
@@ -23,8 +22,7 @@ class Sensor:
 
 
 def expected(sensor, view, exposure_gain, power):
-    """Returns the noise-free image in DN, unclipped. exposure_gain: seconds x gain; power: the projector's, 1 =
-    nominal."""
+    """Returns the noise-free image in DN, unclipped. exposure_gain: seconds x gain; power: 1 = nominal."""
     projector = sensor.projector_scale * power * (view.direct + view.indirect)
     return sensor.black_dn + exposure_gain * (projector + sensor.ambient_scale * view.sky)
 

@@ -13,8 +13,7 @@ from virtual_sensor.pcg import Pcg
 
 @dataclass(frozen=True)
 class PatternSource:
-    """A projector in world coordinates. rotation: its columns are the projector's axes; pattern: relative intensity
-    0..1."""
+    """A projector in world coordinates. rotation: its axes as columns; pattern: relative intensity 0..1."""
 
     position: np.ndarray
     rotation: np.ndarray
@@ -37,8 +36,7 @@ class View:
 
 
 def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
-    """Renders a camera's View. size: (width, height) in pixels; grid: rays per pixel along each side, each jittered
-    within its cell."""
+    """Renders a camera's View. size: (width, height); grid: jittered rays per pixel along each side."""
     width, height = size
     rng = Pcg(width * height, seed)
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
@@ -60,8 +58,7 @@ def look(solids, size, K, camera_to_world, projector, seed, grid=4, bounces=4):
 
 
 def lattice_steps(dimensions):
-    """Returns the steps of a low-discrepancy lattice: powers of 1 / g with g^(dimensions + 1) = g + 1, a generalised
-    golden ratio."""
+    """Returns a low-discrepancy lattice's steps: powers of 1 / g with g^(dimensions + 1) = g + 1."""
     g = 2.0
     for _ in range(60):
         g = (1.0 + g) ** (1.0 / (dimensions + 1))
@@ -69,8 +66,7 @@ def lattice_steps(dimensions):
 
 
 def _rays(u, v, K, camera_to_world):
-    """Returns world origins and unit directions [n][3] through pixels (u, v), and the cosine of each ray to the optical
-    axis."""
+    """Returns world origins and unit directions [n][3] through pixels (u, v), and their cosines to the axis."""
     local = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], axis=1)
     length = np.linalg.norm(local, axis=1)
     directions = (local / length[:, None]) @ camera_to_world[:3, :3].T

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws and records a small table-top world: solids, pattern, poses, exposures and noise, with the numbers that made
-it."""
+"""Draws and records a small table-top world: solids, pattern, poses, exposures and noise."""
 
 from dataclasses import dataclass
 
@@ -22,8 +21,7 @@ PROJECTOR_X_M = 0.015
 
 @dataclass(frozen=True)
 class World:
-    """A recorded world with the truth that the product must find. views: noise-free images, {(frame id, side):
-    View}."""
+    """A recorded world with the truth to find. views: noise-free images, {(frame id, side): View}."""
 
     capture_path: object
     sensor: Sensor

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the rays of a camera's subpixel grid, with hidden effects of the camera's place, lens geometry and
-timing."""
+"""Computes rays of a camera's subpixel grid, with hidden effects of its place, lens geometry and timing."""
 
 import numpy as np
 
@@ -23,8 +22,7 @@ def rays(rig, frame, side, hidden, sub, dt_s=0.0, offset=(0.0, 0.0)):
 
 
 def axis_cosine(directions, poses, row):
-    """Returns the cosine between each ray and the optical axis, that is depth per unit of distance. poses[row]: each
-    ray's pose."""
+    """Returns each ray's cosine to the optical axis: depth per distance. poses[row]: each ray's pose."""
     return np.einsum("ni,ni->n", directions, poses[row, :3, 2])
 
 
@@ -89,8 +87,7 @@ def _camera_x(rig, side, hidden):
 
 
 def _poses_by_row(frame, side, hidden, dt_s, sub):
-    """Returns the left camera's pose [rows][4][4] at the time of every row of the grid. dt_s: time from
-    mid-exposure."""
+    """Returns the left camera's pose [rows][4][4] at the time of each row. dt_s: time from mid-exposure."""
     row = np.repeat(np.arange(HEIGHT) - (HEIGHT - 1) / 2, sub)
     times = np.full(len(row), dt_s)
     if "rolling_shutter" in hidden:

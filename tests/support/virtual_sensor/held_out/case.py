@@ -88,8 +88,7 @@ class Case:
 
     @cached_property
     def sensor(self):
-        """The imager, exposed so that 0.1 % of the first frame's pixels exceed about half of the range before other
-        errors."""
+        """The imager, exposed so that 0.1 % of the first frame's pixels exceed about half of the range."""
         lights = on_pixels(self.layers(self.frames[0], "left", {}), self.frames[0], "left", {}, self.rig)
         n, exposure = self._noise, self.frames[0].exposure_s
         target = 0.45 * imager.MAX_DN / np.quantile(lights[0], 0.999)
@@ -117,8 +116,7 @@ class Case:
         return self._hardwares[key]
 
     def layers(self, frame, side, hidden):
-        """Returns the radiance Layers of a frame on the subpixel grid; frames with equal poses and timing share
-        them."""
+        """Returns a frame's radiance Layers on the subpixel grid; frames with equal poses and timing share them."""
         hardware = self.hardware(hidden)
         timing = (frame.warming_k, frame.timestamp_s) if _BY_FRAME & set(hardware.hidden) else ()
         key = (id(hardware), side, frame.camera_to_world.tobytes(), timing)
@@ -180,8 +178,7 @@ class Case:
         return imager.exposed(self.sensor, lights, frame, side, self.hidden, residue, age)
 
     def depth(self, frame, pair, rig):
-        """Returns the device's depth of a recorded pair in metres, [height][width]. rig: the calibration that the
-        device believes."""
+        """Returns the device's depth of a pair in metres, [height][width]. rig: as the device believes."""
         ages = range(1, 1 + _FRAMES_BEFORE * ("temporal_filter" in self.hidden))
         earlier = [[self.measured(frame, side, age) for side in SIDES] for age in ages]
         return device_depth(*pair, rig.focal_px, rig.baseline_m, self.hidden, earlier)

@@ -9,8 +9,7 @@ LIFT_M = 1e-6
 
 
 def closest(solids, origins, directions, skip=None):
-    """Returns (t, unit normal facing the ray, index of the solid or -1) of each ray's nearest hit. skip: for each ray,
-    the index of a solid that it passes."""
+    """Returns (t, unit normal facing the ray, solid's index or -1) of the nearest hits. skip: solids to pass."""
     t = np.full(len(directions), np.inf)
     normal = np.zeros((len(directions), 3))
     index = np.full(len(directions), -1)
@@ -50,8 +49,7 @@ def transmittance(solids, origins, targets, through=None):
 
 
 def albedo_of(solids, index, points):
-    """Returns the diffuse albedo at each hit point, 0 for rays without a hit. index: the solid that each ray hits, or
-    -1."""
+    """Returns the diffuse albedo at each hit point, 0 without a hit. index: the solid hit, or -1."""
     albedo = np.zeros(len(points))
     for i, solid in enumerate(solids):
         here = index == i

@@ -17,8 +17,7 @@ TARGETS = (0.15, 0.4, 0.9, 2.0)
 
 @dataclass(frozen=True)
 class Entry:
-    """An effect's parameters at four levels. scaled: values at level 1; fixed: ranges to draw from; signed: the level's
-    sign is drawn, too."""
+    """An effect's parameters at four levels. scaled: at level 1; fixed: ranges; signed: the level's sign is drawn."""
 
     levels: tuple
     scaled: dict

@@ -11,8 +11,7 @@ from virtual_sensor.solids import Box, Rectangle, Sphere
 
 @dataclass(frozen=True)
 class Chart:
-    """A grid of texels on one surface. points, normals: at texel centres, [rows][columns][3]; wraps: columns are
-    periodic."""
+    """A grid of texels on one surface. points, normals: [rows][columns][3]; wraps: columns are periodic."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -64,8 +63,7 @@ def inside(solid, points):
 
 
 def bounding_radius(solid):
-    """Returns the radius of a bounding sphere about the solid's centre; None for rectangles, which are tested with
-    every ray."""
+    """Returns a bounding sphere's radius about the solid's centre; None for rectangles, tested with every ray."""
     if isinstance(solid, Rectangle):
         return None
     if isinstance(solid, Box):
@@ -120,8 +118,7 @@ def _sphere(sphere, spacing):
 
 
 def _cylinder(cylinder, spacing):
-    """Returns the charts of a cylinder: the side, then the caps at the axis' negative and positive end, as squares
-    around the discs."""
+    """Returns a cylinder's charts: the side, then the caps at the axis' two ends, as squares around the discs."""
     frame = cylinder.frame()
     rows, columns = _counts(2 * cylinder.half_length, 2 * np.pi * cylinder.radius, spacing)
     turn = _centres(columns)[None] * np.pi

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Implements the virtual device's own depth engine: census of a cross-shaped window, eight-path SGM, and its possible
-faults."""
+"""The virtual device's own depth engine: census of a cross, eight-path SGM, and its possible faults."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, median_filter, uniform_filter

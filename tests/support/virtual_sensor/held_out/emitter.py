@@ -12,8 +12,7 @@ _ASTIGMATIC_TAPS = 7
 
 
 class Emitter:
-    """The projector with its hidden effects. hidden: {effect: {parameter: value}}; effects of other stages are
-    ignored."""
+    """The projector with its hidden effects, {effect: {parameter: value}}; those of other stages are ignored."""
 
     def __init__(self, rig, hidden, seed):
         self.K = rig.projector_K()
@@ -28,8 +27,7 @@ class Emitter:
         self._coarse = gaussian_filter(self.pattern, 14.0, mode="constant", truncate=3.0)
 
     def intensity(self, local, frame, coarse=False):
-        """Returns the relative radiant intensity towards points [n][3] in the projector's frame. coarse: use a blurred
-        pattern, for bounced light."""
+        """Returns relative radiant intensity towards points [n][3]. coarse: of a blurred pattern, for bounces."""
         h = self._hidden
         ahead = local[:, 2] > 1e-6
         z = np.where(ahead, local[:, 2], 1.0)
@@ -92,8 +90,7 @@ class Emitter:
         return self._levels[i]
 
     def _astigmatic(self, u, v, sigma_px):
-        """Samples the pattern with dots stretched radially, in proportion to the field angle. sigma_px: the blur at the
-        pattern's left and right end."""
+        """Samples the pattern with dots stretched radially with the angle. sigma_px: at the left and right end."""
         du, dv = u - self.K[0, 2], v - self.K[1, 2]
         radius = np.maximum(np.hypot(du, dv), 1e-9)
         step = sigma_px * radius / (PATTERN_WIDTH / 2)
@@ -115,8 +112,7 @@ def _diffracted(x, y, frame, scale=0.0, per_k=0.0):
 
 
 def _with_uneven_dots(pattern, seed, spread):
-    """Multiplies every dot, the pixels nearest to its maximum, by a gamma variable of mean 1. spread: its standard
-    deviation."""
+    """Multiplies every dot, the pixels nearest to its maximum, by a gamma variable of mean 1 and deviation `spread`."""
     peaks = (pattern == maximum_filter(pattern, 5)) & (pattern > 0.2)
     rng = np.random.Generator(np.random.PCG64([seed, 11]))
     gains = np.zeros_like(pattern)

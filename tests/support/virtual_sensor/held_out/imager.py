@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns light on pixels into digital numbers. Static fields come from the sensor's seed, temporal noise from the
-frame's."""
+"""Turns light into digital numbers. Static fields come from the sensor's seed, noise from the frame's."""
 
 from dataclasses import dataclass
 
@@ -43,8 +42,7 @@ def expected(sensor, lights, frame, side, hidden, previous=None):
 
 
 def exposed(sensor, lights, frame, side, hidden, previous=None, age=0):
-    """Returns one noisy exposure as uint8. age: 0 for the recorded frame, n for the n-th frame before it; other
-    arguments are as in expected()."""
+    """Returns one noisy exposure as uint8. age: frames before the recorded one; the rest as in expected()."""
     key = [sensor.seed, 1000 + frame.id, 1 + _SIDES.index(side)] + [age] * (age > 0)
     rng = np.random.Generator(np.random.PCG64(key))
     k = 1.0 / sensor.speckle**2
@@ -136,8 +134,7 @@ def _arrhenius(frame):
 
 
 def _hot(sensor, side, share, rate_dn_per_s):
-    """Returns the dark current of hot pixels, DN per second [height][width]: a share of pixels, log-normal with mean
-    rate_dn_per_s."""
+    """Returns hot pixels' dark current, DN/s [height][width]: a share of pixels, log-normal of mean rate_dn_per_s."""
     rng = static_rng(sensor, 23, side)
     strength = np.exp(0.7 * rng.standard_normal(SHAPE) - 0.245)
     return np.where(rng.random(SHAPE) < share, strength, 0.0) * rate_dn_per_s
@@ -155,8 +152,7 @@ def _bloomed(signal, lost_range, spill):
 
 
 def _grain(sensor, frame, side, contrast):
-    """Returns static speckle of mean 1, one field per pose of the rig: sums of correlated patterns (complex Gaussian
-    fields through a pupil)."""
+    """Returns static speckle of mean 1 for each pose of the rig: sums of complex Gaussian fields through a pupil."""
     pose = int(np.abs(frame.camera_to_world[:3, 3] @ [7919, 104729, 1299709] * 1e3)) % 2**31
     rng = static_rng(sensor, 24, side, pose)
     cells = min(_SPECKLE_CELLS, max(1, round(1 / contrast**2)))

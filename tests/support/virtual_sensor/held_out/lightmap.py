@@ -80,21 +80,18 @@ class Lightmap:
         return texel
 
     def bounced(self, first):
-        """Returns the light that arrives at each texel after one bounce or more. first: the light that arrives
-        directly."""
+        """Returns the light at each texel after one bounce or more. first: the light that arrives directly."""
         total = np.zeros_like(first)
         for _ in range(_BOUNCES):
             total = self._transport @ (self.albedo * self._filled(first + total))
         return self._filled(total)
 
     def ambient(self, bounce_gain=0.0):
-        """Returns each texel's light under a uniform sky of radiance 1, all bounces included. bounce_gain: relative
-        excess of the bounced light."""
+        """Returns each texel's light under a sky of radiance 1. bounce_gain: relative excess of bounced light."""
         return self._filled(self._sky) + (1.0 + bounce_gain) * self.bounced(self._sky)
 
     def _filled(self, values):
-        """Gives texels inside of other solids the nearest exposed texel's value, so that interpolation does not darken
-        their neighbours."""
+        """Gives texels inside of other solids the nearest exposed texel's value, for interpolation."""
         values = values.copy()
         for starts, group in zip(self._starts, self._charts, strict=True):
             for start, chart in zip(starts, group, strict=True):
@@ -107,8 +104,7 @@ class Lightmap:
         return values
 
     def look_up(self, values, index, points):
-        """Interpolates texel values at hit points; 0 for rays without a hit. index: the solid that each ray hits, or
-        -1."""
+        """Interpolates texel values at hit points; 0 without a hit. index: the solid that each ray hits, or -1."""
         found = np.zeros(len(points))
         for i, solid in enumerate(self._solids):
             here = np.flatnonzero(index == i)

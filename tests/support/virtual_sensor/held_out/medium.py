@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates haze between rig and scene: Beer-Lambert fading, scattered ambient light, and the projector's beam seen
-from the side."""
+"""Simulates haze: Beer-Lambert fading, scattered ambient light, and the projector's beam seen from the side."""
 
 import numpy as np
 
@@ -9,8 +8,7 @@ _NEAR_M, _FAR_M = 0.06, 2.0
 
 
 def faded(lights, origins, directions, t, projector_centres, extinction_per_m):
-    """Returns the lights [direct, indirect, sky, other, lamp] after their way through the haze. t: the rays' hit
-    distances in metres, inf for none."""
+    """Returns the lights [direct, indirect, sky, other, lamp] after the haze. t: hit distances in metres, or inf."""
     reached = np.isfinite(t)
     points = origins + np.where(reached, t, 0.0)[:, None] * directions
     from_projector = np.linalg.norm(points - projector_centres, axis=1)

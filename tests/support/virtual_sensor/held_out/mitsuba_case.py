@@ -84,8 +84,7 @@ class Surfaces:
         self._parts = 10_000 * self._index + np.where(boxes, faces, 0)
 
     def smooth(self, light):
-        """Averages the irradiance over neighbours on the same surface and returns the flat array of radiances; the sky
-        stays."""
+        """Averages irradiance over neighbours on a surface. Returns the flat radiances; the sky stays."""
         out = light.copy()
         irradiance = light / np.maximum(self._albedo, 1e-3)
         sigma = _SMOOTH_PX * self.shape[0] / HEIGHT
@@ -103,8 +102,7 @@ class _Rays:
         self._rays = [mi.Point3f(*np.ascontiguousarray(part.T, np.float32)) for part in bundle[:2]]
 
     def light(self, parts, surfaces, paths):
-        """Returns the mean radiance along the rays over `paths` paths. surfaces: the most vertices of a path beside the
-        camera."""
+        """Returns the mean radiance along rays over `paths` paths. surfaces: a path's most vertices."""
         mi = self._mi
         scene = mi.load_dict({"type": "scene", **parts})
         integrator = mi.load_dict({"type": "path", "max_depth": surfaces, "rr_depth": 100})

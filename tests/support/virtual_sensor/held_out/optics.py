@@ -65,8 +65,7 @@ def shading(side, hidden, rig):
 
 
 def _aside(image, fraction, shift_u_px, shift_v_px):
-    """Returns the image moved right and down by real numbers of pixels (a phase shift in Fourier space), dark beyond
-    the frame."""
+    """Returns the image moved right and down by real numbers of pixels (in Fourier space), dark beyond the frame."""
     moved = fourier_shift(np.fft.fft2(np.pad(image, 24)), (shift_v_px, shift_u_px))
     return np.fft.ifft2(moved).real[24:-24, 24:-24]
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the bounds that the best model could reach on a world: its own noise, and the error without the hidden
-effects."""
+"""Bounds of the best model of a world: its own noise, and the error without the hidden effects."""
 
 import numpy as np
 

@@ -14,8 +14,7 @@ FOCAL_SURVEY = 1e-3
 
 @dataclass(frozen=True)
 class Rig:
-    """The stereo rig. Both cameras have one focal length; the projector and the right camera stand on the left camera's
-    x axis."""
+    """The stereo rig of one focal length; projector and right camera stand on the left camera's x axis."""
 
     focal_px: float
     baseline_m: float
@@ -33,8 +32,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Frame:
-    """The settings of one frame. camera_to_world: the left camera's pose at mid-exposure, 4x4; twist: body velocity [v,
-    w] in its frame."""
+    """A frame's settings. camera_to_world: the left camera's at mid-exposure; twist: body velocity [v, w]."""
 
     id: int
     camera_to_world: np.ndarray
@@ -111,8 +109,7 @@ def look_at(eye, target):
 
 
 def moved(pose, twist, times):
-    """Returns the poses [n][4][4] of a body `times` seconds after `pose`, under a constant twist [v, w] in its own
-    frame."""
+    """Returns poses [n][4][4] of a body `times` seconds after `pose`, under a constant twist [v, w] of its own."""
     (v, w), generator = np.reshape(twist, (2, 3)), np.zeros((4, 4))
     generator[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
     generator[:3, 3] = v
@@ -120,8 +117,7 @@ def moved(pose, twist, times):
 
 
 def draw_pattern(rng):
-    """Draws the pattern's relative intensity 0..1: round dots on a jittered hexagonal grid, with the four strengths of
-    a multi-level element."""
+    """Draws the pattern's relative intensity: round dots on a jittered hexagonal grid, of four strengths."""
     pitch = rng.uniform(7.6, 9.0)
     rows, columns = int(PATTERN_HEIGHT / (0.866 * pitch)) + 1, int(PATTERN_WIDTH / pitch) + 1
     image = np.full((PATTERN_HEIGHT, PATTERN_WIDTH), 0.015)
@@ -149,8 +145,7 @@ def _eye_and_target(rng):
 
 
 def _twist(rng):
-    """Draws a twist (v, w), mostly sideways, up to 0.8 m/s and 1.5 rad/s. The sideways motion and the turn move the
-    picture the same way."""
+    """Draws a twist (v, w), mostly sideways, up to 0.8 m/s and 1.5 rad/s, which moves the picture one way."""
     side = rng.choice([-1, 1])
     v = np.array([side * rng.uniform(0.5, 0.8), rng.uniform(-0.4, 0.4), rng.uniform(-0.2, 0.2)])
     w = np.array([rng.uniform(-0.6, 0.6), side * rng.uniform(0.8, 1.5), rng.uniform(-0.4, 0.4)])

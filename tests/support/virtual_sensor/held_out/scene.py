@@ -17,8 +17,7 @@ POSITION_M, TILT_RAD, ALBEDO = 1e-3, np.radians(0.25), 0.03
 
 
 def draw_scene(rng):
-    """Draws a scene's solids: table, wall, two boxes, ball, standing can, lying pipe. y is up; the table's top is y =
-    0."""
+    """Draws a scene's solids: table at y = 0, wall, two boxes, ball, standing can, lying pipe; y is up."""
     table = Tiles("table", (0.0, 0.0, -0.1), (0.0, 0.0, 0.8), (1.3, 0.0, 0.0), _tile_albedo(rng, 30, 48))
     wall = Tiles(
         "wall", (0.0, 0.5, rng.uniform(-0.8, -0.65)), (1.3, 0.0, 0.0), (0.0, 0.55, 0.0), _tile_albedo(rng, 44, 12)
@@ -40,8 +39,7 @@ def texel_spacing(solids):
 
 
 def measured_solids(solids, rng, amount):
-    """Returns the solids as measured with errors in their places, angles about the vertical (planes: tilts) and
-    albedos. amount: the errors' size, 1 = usual."""
+    """Returns the solids as measured, with errors in places, angles and albedos. amount: 1 = usual."""
     return tuple(_measured(solid, rng, amount) for solid in solids)
 
 
@@ -72,8 +70,7 @@ def _tilted(edge, other, angle):
 
 
 def _tile_albedo(rng, rows, columns):
-    """Draws tile albedos [rows][columns] in four shades; a third of the tiles copy their neighbour, which makes
-    patches."""
+    """Draws tile albedos [rows][columns] in four shades; a third copy their neighbour, which makes patches."""
     shades = rng.uniform((0.08, 0.25, 0.45, 0.7), (0.2, 0.4, 0.65, 0.88))
     grid = rng.choice(shades, (rows, columns))
     copies = rng.random((rows, columns)) < 0.33

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the light that leaves the scene towards the camera: one radiance image per light source on the subpixel
-grid."""
+"""Computes the light that leaves the scene towards the camera: a radiance image per light source."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -39,8 +38,7 @@ class Layers:
 
 
 def shade(world, frame, camera_rays, shape, bounced, ambient):
-    """Returns the Layers that a bundle of rays sees. world: the scene's Hardware; bounced, ambient: lightmap values;
-    shape: (rows, columns)."""
+    """Returns the Layers that rays see. bounced, ambient: lightmap values; shape: (rows, columns)."""
     origins, directions, row, poses = camera_rays
     t, normal, index = closest(world.solids, origins, directions)
     lights = _lights(world, frame, origins, directions, row, poses, (t, normal, index), bounced, ambient)
@@ -59,8 +57,7 @@ def depth_along(camera_rays, t, index):
 
 
 def projector_irradiance(world, frame, points, normals, poses, row, coarse=False):
-    """Returns irradiance / pi at points [n][3] from the rig's projector. poses[row]: the left camera's pose at each
-    point's time."""
+    """Returns irradiance / pi at points [n][3] from the rig's projector. poses[row]: the left camera's."""
     centre = _projector_centres(world, poses, row)
     way = points - centre
     local = np.einsum("nji,nj->ni", poses[row, :3, :3], way)
@@ -171,8 +168,7 @@ def _second_projector(world, frame, points, normals, poses, row, power, on_rig, 
 
 
 def _lamp(world, points, normals, strength):
-    """Returns irradiance / pi at points from a small lamp on one side. strength: irradiance / pi at one metre, facing
-    the lamp."""
+    """Returns irradiance / pi at points from a small lamp aside. strength: at one metre, facing it."""
     position = np.asarray(LAMP_POSITION)
     way = position - points
     distance = np.linalg.norm(way, axis=1)
