@@ -44,8 +44,8 @@ _NODES, _CURVE_STEPS = 10, 4
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
 # hardly falls; the others are only measured there.
 _STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.5, 1e-3
-# Steps of a fit with a newly named effect, and the share of chi2 by whose fall it stops; steps from each narrow peak.
-SETTLING, _PEAK = (8, 1e-4), 3
+# Steps of a fit with a newly named effect, and the share of chi2 by whose fall it stops; the same from narrow peaks.
+SETTLING, _PEAK = (8, 1e-4), (3, 2e-5)
 # An effect whose formula was never measured may miss this share of its squared signature.
 _UNMEASURED = 1.0 / 3.0
 # Real facets and depths of scatter follow other laws than the library's materials.
@@ -216,16 +216,26 @@ def refit_at_peaks(fitter: Fitter, fit: Solution) -> Solution:
     """Refits each effect that has several narrow likelihood peaks (Effect.starts) from all peaks, beside the other
     effects. Returns the best fit."""
     for effect in [e for e in fit.effects if e.starts is not None]:
-        without = fitted_model(fitter, fit.model.without_effect(effect.id), fit.phi)
-        own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
-        fits = [fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING)]
-        assert effect.starts is not None
-        for start in effect.starts(start_images(linearised(fitter, without))):
-            values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
-            theta = np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta)
-            fits.append(fitter.refine(fit.space, theta, fit.phi, _PEAK))
-        fit = min(fits, key=lambda f: f.sums.total)
+        fit = _best_peak(fitter, fit, effect)
     return fit
+
+
+def _best_peak(fitter: Fitter, fit: Solution, effect: Effect) -> Solution:
+    assert effect.starts is not None
+    without = fitted_model(fitter, fit.model.without_effect(effect.id), fit.phi)
+    own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
+    begun = [(fit.theta, SETTLING)]
+    for start in effect.starts(start_images(linearised(fitter, without))):
+        values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
+        begun.append((np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta), _PEAK))
+
+    def refined(start: tuple[np.ndarray, tuple[int, float]]) -> Solution:
+        theta, steps = start
+        return fitter.refine(fit.space, theta, fit.phi, *steps)
+
+    if fitter.memory is not None and fit_key("", fit.space) is not None:
+        fitter.memory.make_ahead(refined, begun)
+    return min(map(refined, begun), key=lambda f: f.sums.total)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,11 @@ grid; correlation over the azimuth gives the gain of all pans."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from heapq import nlargest
+from itertools import chain
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -204,36 +207,49 @@ class SphereMatch:
     def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
         """Returns (decrease of chi squared, pose) for each place [n][3], at its best pan and tilt. Poses are (x, y, z,
         azimuth, elevation, roll)."""
-        found: list[tuple[float, np.ndarray]] = []
         # In single precision angles take a fifth of the time.
-        seen, places = SeenPoints(*(x.astype(np.float32) for x in seen)), places.astype(np.float32)
-        for first in range(0, len(places), _AT_ONCE):
-            some = places[first : first + _AT_ONCE]
-            gathered = np.array([_gathered(seen, place) for place in some], np.float32)
+        seen = SeenPoints(*(np.ascontiguousarray(x.T, np.float32) for x in seen))
+        places = places.astype(np.float32)
+
+        def best_of(some: np.ndarray) -> list[tuple[float, np.ndarray]]:
+            gathered = np.empty((len(some), 2, _ROWS, _COLUMNS), np.float32)
+            for place, images in zip(some, gathered, strict=True):
+                _gather(seen, place, images)
             moment = _correlated(gathered[:, 0], self._of_pattern, _COLUMNS)
             norm = _correlated(gathered[:, 1], self._of_square, _COLUMNS_OF_NORM)
             norm = np.maximum(norm, 0.1 * norm.max(axis=(1, 2), keepdims=True) + np.float32(1e-30))
-            gain = np.maximum(moment, 0.0) ** 2 / np.repeat(norm, _COLUMNS // _COLUMNS_OF_NORM, axis=2)
+            gain = np.maximum(moment, 0.0, out=moment)
+            gain *= gain
+            gain.reshape(*norm.shape, -1)[:] /= norm[..., None]
             best = gain.reshape(len(some), -1).argmax(axis=1)
+            found = []
             for place, of_place, at in zip(some, gain, best, strict=True):
                 tilt, column = divmod(int(at), _COLUMNS)
                 azimuth = column * _STEP_RAD - (2 * np.pi if 2 * column > _COLUMNS else 0.0)
                 found.append((float(of_place[tilt, column]), np.array([*place, azimuth, _TILTS_RAD[tilt], 0.0])))
-        return found
+            return found
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return list(chain(*pool.map(best_of, (places[k : k + _AT_ONCE] for k in range(0, len(places), _AT_ONCE)))))
 
 
-def _gathered(seen: SeenPoints, place: np.ndarray) -> np.ndarray:
-    """Returns two images of directions from a place, [2][row][column]; rows are elevations, columns azimuths. They are
-    the gradient and curvature of chi squared by the intensity that a source at the place sends in each direction."""
-    way, lit = seen.lit_from(place)
-    left = seen.fit_even_beam(lit)
-    column = np.floor(np.arctan2(way[:, 0], way[:, 2]) / _STEP_RAD).astype(int) % _COLUMNS
-    height = np.clip(way[:, 1] / np.maximum(np.linalg.norm(way, axis=1), 1e-9), -1.0, 1.0)
-    row = ((np.arcsin(height) + np.pi / 2) / _STEP_RAD).astype(int)
-    low, size = row < _ROWS, _ROWS * _COLUMNS
-    at = (row * _COLUMNS + column)[low]
-    parts = (np.bincount(at, x[low], size) for x in (lit * left, lit**2 * seen.weight))
-    return np.stack([part.reshape(_ROWS, _COLUMNS) for part in parts])
+def _gather(seen: SeenPoints, place: np.ndarray, images: np.ndarray) -> None:
+    """Fills two images of directions from a place, [2][row][column]; rows are elevations, columns azimuths. They are
+    the gradient and curvature of chi squared by the intensity that a source at the place sends in each direction.
+    points and normals of `seen` are [3][n] here, in single precision: this takes a third of the time."""
+    (x, y, z), normals = (axis - at for axis, at in zip(seen.points, place, strict=True)), seen.normals
+    square = np.maximum(x * x + y * y + z * z, np.float32(1e-6))
+    lit = seen.glow * np.maximum(-(x * normals[0] + y * normals[1] + z * normals[2]), 0) / (square * np.sqrt(square))
+    lights = np.stack([lit * seen.fit_even_beam(lit), lit * lit * seen.weight])
+    at = np.flatnonzero(lit > 0)
+    x, y, z = (values.take(at) for values in (x, y, z))
+    row = ((np.arctan2(y, np.sqrt(x * x + z * z)) + np.float32(np.pi / 2)) / np.float32(_STEP_RAD)).astype(np.int32)
+    turn = np.arctan2(x, z) / np.float32(_STEP_RAD)
+    column = np.minimum(np.where(turn < 0, turn + _COLUMNS, turn), _COLUMNS - 1).astype(np.int32)
+    # Rows above the highest one go into a last one, which is dropped.
+    to = np.minimum(row, _ROWS) * _COLUMNS + column
+    for image, values in zip(images, lights.take(at, axis=1), strict=True):
+        image[:] = np.bincount(to, values, (_ROWS + 1) * _COLUMNS).reshape(-1, _COLUMNS)[:_ROWS]
 
 
 def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
@@ -287,10 +303,11 @@ def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     found = SphereMatch(view, *COARSE).best(few, places)
     coarse, exact = PlaneMatch(view, *COARSE, _MARGIN), PlaneMatch(view, *_FINE, _MARGIN)
     poses = [pose for _, pose in nlargest(_ROUGHLY_POLISHED, found, _gain)]
-    rough = [coarse.polished(few, pose, 0.02, _ROUGH_TRIALS) for pose in poses]
-    rough = nlargest(_POLISHED, rough, lambda pose: coarse.best(seen, pose)[0])
-    near = [coarse.polished(seen, pose, 0.02, _TRIALS) for pose in rough]
-    starts = [exact.best(seen, exact.polished(seen, pose, 0.01, _TRIALS)) for pose in near]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        rough = pool.map(lambda pose: coarse.polished(few, pose, 0.02, _ROUGH_TRIALS), poses)
+        best = nlargest(_POLISHED, rough, lambda pose: coarse.best(seen, pose)[0])
+        near = pool.map(lambda pose: coarse.polished(seen, pose, 0.02, _TRIALS), best)
+        starts = pool.map(lambda pose: exact.best(seen, exact.polished(seen, pose, 0.01, _TRIALS)), near)
     names = "x_m", "y_m", "z_m", "azimuth_rad", "elevation_rad", "roll_rad"
     return [
         {"intensity_m2": strength} | dict(zip(names, map(float, pose), strict=True))
