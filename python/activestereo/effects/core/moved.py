@@ -34,7 +34,7 @@ from activestereo.effects.core.engine import EngineCamera, EngineInputs, Pattern
 from activestereo.effects.core.lamp import radiance_under
 from activestereo.effects.core.light import Light
 from activestereo.effects.core.resample import interpolated
-from activestereo.effects.core.shading import reflected
+from activestereo.effects.core.shading import dot_products, reflected
 from activestereo.effects.core.surfaces import on_surfaces
 from activestereo.effects.core.view import REFERENCE_TEMPERATURE_C, PickedView, View, drawn_by, transform
 
@@ -62,7 +62,7 @@ def displaced(light: Light, view: View, dt_s: float | np.ndarray) -> Light:
     normal_mid = np.moveaxis(interpolated(np.moveaxis(view.normal, -1, 0), u, v), 0, -1)
     normal_then = normal_mid @ then_to_mid[:, :3, :3]
     after, before = (
-        np.maximum((normal * (source - points)).sum(-1), 0.0) / np.linalg.norm(source - points, axis=-1) ** 3
+        np.maximum(dot_products(normal, source - points), 0.0) / np.linalg.norm(source - points, axis=-1) ** 3
         for points, normal in ((then, normal_then), (mid, normal_mid))
     )
     safe = before > 0

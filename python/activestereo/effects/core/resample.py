@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -56,8 +56,8 @@ class Spline:
     def shifted_sum(self, along_u: _Taps, along_v: _Taps) -> np.ndarray:
         """Returns a sum of shifted images, limited to the image's range. along_u, along_v: the shifts along columns
         and along rows, in samples; each takes the image at (position + shift)."""
-        out = self._coefficients
-        for axis, taps in ((-1, along_u), (-2, along_v)):
+
+        def kernel_of(taps: _Taps) -> np.ndarray:
             reach = int(np.ceil(max(abs(shift) for shift, _ in taps))) + 2
             # Weights of the coefficients around a pixel: cubic B-splines of their distances.
             kernel = np.zeros(2 * reach + 1)
@@ -65,7 +65,9 @@ class Spline:
                 x = np.abs(np.arange(-reach, reach + 1.0) + shift)
                 near, far = 2.0 / 3.0 - x * x + 0.5 * x**3, np.maximum(2.0 - x, 0.0) ** 3 / 6.0
                 kernel += weight * np.where(x < 1.0, near, far)
-            out = convolve1d(out, kernel, axis, mode="mirror")
+            return kernel
+
+        out = _along_both(self._coefficients, kernel_of(along_u), kernel_of(along_v), "mirror")
         return np.clip(out, self._low, self._high)
 
 
@@ -198,16 +200,19 @@ def _kernel(sigma_px: float) -> np.ndarray:
     return kernel / kernel.sum()
 
 
-def _along_both(images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray) -> np.ndarray:
-    """Returns images [..., height][width] convolved along columns (u) and rows (v); beyond the border, the border's
-    value."""
+def _along_both(
+    images: np.ndarray, kernel_u: np.ndarray, kernel_v: np.ndarray, border: Literal["nearest", "mirror"] = "nearest"
+) -> np.ndarray:
+    """Returns images [..., height][width] convolved along columns (u) and rows (v). Beyond the border, the border's
+    value counts, or the images' mirror image."""
     floats = images.astype(np.result_type(images, np.float32), copy=False)
     try:
         import cv2  # five times as fast as SciPy, and the same to rounding; loaded where something is blurred
     except ImportError:
-        return convolve1d(convolve1d(floats, kernel_v, axis=-2, mode="nearest"), kernel_u, axis=-1, mode="nearest")
+        return convolve1d(convolve1d(floats, kernel_v, axis=-2, mode=border), kernel_u, axis=-1, mode=border)
     stack = floats.reshape(-1, *images.shape[-2:])
-    out = [cv2.sepFilter2D(image, -1, kernel_u, kernel_v, borderType=cv2.BORDER_REPLICATE) for image in stack]
+    beyond = cv2.BORDER_REPLICATE if border == "nearest" else cv2.BORDER_REFLECT_101
+    out = [cv2.sepFilter2D(image, -1, kernel_u[::-1], kernel_v[::-1], borderType=beyond) for image in stack]
     return np.stack(out).reshape(images.shape)
 
 

@@ -27,7 +27,7 @@ from scipy.optimize import minimize
 
 from activestereo.effects.core.descriptor import StartImage
 from activestereo.effects.core.engine import angles, axes
-from activestereo.effects.core.shading import Facing, reflectance_of
+from activestereo.effects.core.shading import Facing, dot_products, reflectance_of
 from activestereo.effects.core.view import View, transform
 
 _SEED = 12
@@ -82,8 +82,8 @@ class SeenPoints(NamedTuple):
         """Returns (vectors from a place [3], or from places [...][3], to the points; DN [n] that a source of radiant
         intensity 1 at the place gives each point)."""
         way = self.points - place[..., None, :]
-        square = np.maximum((way**2).sum(-1), 1e-6)
-        return way, self.glow * np.maximum(-(way * self.normals).sum(-1), 0.0) / (square * np.sqrt(square))
+        square = np.maximum(dot_products(way, way), 1e-6)
+        return way, self.glow * np.maximum(-dot_products(way, self.normals), 0.0) / (square * np.sqrt(square))
 
     def fit_even_beam(self, lit: np.ndarray) -> np.ndarray:
         """Fits an even beam, without a pattern, to the residual; returns weight times the remaining residual, [n]. lit:

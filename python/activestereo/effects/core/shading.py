@@ -38,9 +38,8 @@ class Cosines(NamedTuple):
 
 def cosines_of(normal: np.ndarray, to_light: np.ndarray, to_camera: np.ndarray) -> Cosines:
     """Returns the Cosines of unit directions [...][3], limited to 0..1."""
-    half = to_light + to_camera
-    half = half / np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-12)
-    dot = lambda a, b: np.clip((a * b).sum(-1), 0.0, 1.0)  # noqa: E731
+    half = _unit(to_light + to_camera)
+    dot = lambda a, b: np.clip(dot_products(a, b), 0.0, 1.0)  # noqa: E731
     return Cosines(dot(normal, half), dot(normal, to_light), dot(normal, to_camera), dot(half, to_camera))
 
 
@@ -118,7 +117,7 @@ class Facing:
         self.hit = view.depth_m > 0
         self.points = view.points()
         self.to_camera = _unit(-self.points)
-        self.normal = np.where((view.normal * self.to_camera).sum(-1, keepdims=True) < 0, -view.normal, view.normal)
+        self.normal = np.where(dot_products(view.normal, self.to_camera)[..., None] < 0, -view.normal, view.normal)
         self.camera_cosine = self.cosine(self.to_camera)
         source = np.linalg.inv(view.camera_to_projector)[:3, 3]
         self.to_projector, self.projector_cosine, self.irradiance = self.from_source(source)
@@ -133,14 +132,14 @@ class Facing:
         """Returns, for a point source at `position` (camera coordinates), each pixel's direction to it, cosine to the
         normal, and irradiance per radiant intensity, 1/m^2. Shadows are left out."""
         way = position - self.points
-        square = np.maximum((way**2).sum(-1), 1e-12)
-        direction = _unit(way)
+        square = np.maximum(dot_products(way, way), 1e-12)
+        direction = way / np.sqrt(square)[..., None]
         cosine = self.cosine(direction)
         return direction, cosine, cosine / square
 
     def cosine(self, direction: np.ndarray) -> np.ndarray:
         """Returns the cosine of unit directions to each pixel's normal."""
-        return np.where(self.hit, np.maximum((self.normal * direction).sum(-1), 0.0), 0.0)
+        return np.where(self.hit, np.maximum(dot_products(self.normal, direction), 0.0), 0.0)
 
 
 def reflectance_of(light: Light, view: View) -> np.ndarray:
@@ -158,8 +157,13 @@ def reflectance_of(light: Light, view: View) -> np.ndarray:
     return view.latest("reflectance", light, shown)
 
 
+def dot_products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Returns the dot products of vectors [...][3], in half the time of a product and a sum."""
+    return np.einsum("...i,...i", a, b)
+
+
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return vectors / np.maximum(np.sqrt(dot_products(vectors, vectors)), 1e-12)[..., None]
 
 
 # (weight, width in rms lengths) of Gaussians whose sum is a profile: the light within any radius agrees to 0.006.
