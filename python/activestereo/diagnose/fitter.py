@@ -98,9 +98,12 @@ class ParameterSpace:
         return model
 
     def steps(self, theta: np.ndarray) -> np.ndarray:
-        """Returns finite-difference steps [n], negative where a positive step would leave the range."""
+        """Returns finite-difference steps [n], negative where a positive step would leave the range. One-sided
+        parameters step to the typical value at least: images change by the square of a blur, without a slope at 0."""
         typical, most = self.of_parameters("typical"), self.of_parameters("slope_step")
-        step = np.minimum(_STEP * np.maximum(typical, _DISTANCE_SHARE * np.abs(theta - self.neutral)), most)
+        step = _STEP * np.maximum(typical, _DISTANCE_SHARE * np.abs(theta - self.neutral))
+        away = np.where(self.low == self.neutral, self.of_parameters("typical_value") - theta, 0.0)
+        step = np.minimum(np.maximum(step, away), most)
         return np.where(theta + step > self.high, -step, step)
 
 

@@ -143,7 +143,8 @@ def ambient_ir(light: Light, view: View, level: float, gradient_x: float, gradie
         Parameter("frequency_hz", "Hz", neutral=100.0, low=80.0, high=250.0, typical=20.0,
                   slope_step=1e-3),  # a capture of a minute resolves a hundredth of a hertz
         Parameter("phase_rad", "rad", low=-np.pi, high=np.pi, typical=1.0),
-        Parameter("line_time_s", "s", high=1e-4, typical=2e-5, source="0 = all rows at once: frames vary, no bands"),
+        Parameter("line_time_s", "s", high=1e-4, typical=2e-5, slope_step=4e-7,
+                  source="0 = all rows at once: frames vary, no bands"),
     ],
 )  # fmt: skip
 def flicker_banding(

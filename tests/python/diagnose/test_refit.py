@@ -119,6 +119,13 @@ def test_fits_that_are_all_worse_than_none_take_more_steps(clean, monkeypatch):
     assert found["vignetting"].chi2 < 0.5 * base.sums.total
 
 
+def test_an_amplitude_that_acts_by_its_square_does_not_hold_a_fit_up(clean):
+    """A blur has no slope at neutral. A step as far as such a slope foretells would spoil the other amplitude's."""
+    evidence = seen(clean, lambda image, view: gaussian_filter(image, 0.5, mode="nearest"))
+    _, found = fit(evidence, ParameterSpace.of(Model(), builtin()["lens_psf"]), 2, lambda space: [0.1, 0.0])
+    assert found.theta == pytest.approx([0.5, 0.0], abs=0.05)
+
+
 def warm_charge(image, view):
     """Dark current that doubles faster than usual."""
     return image + 400.0 * view.frame.exposure_s * view.frame.gain * 2.0 ** (view.warming_k / 5.0)
