@@ -278,6 +278,21 @@ def test_the_pose_is_found_from_the_dots(images, monkeypatch):
     assert found["intensity_m2"] == pytest.approx(INTENSITY_M2, rel=0.4)
 
 
+def test_errors_of_the_rigs_own_dots_do_not_hide_a_unit(images, monkeypatch):
+    monkeypatch.setattr(room_unit, "_PLACES", 250)
+
+    def lit(image):
+        """The image where the rig's projector is on, with errors of its dots five times as large as the unit's."""
+        own = np.random.default_rng(5).gamma(0.2, 1.0, image.residual.shape)
+        wrong = 5.0 * image.residual.std() * (own - own.mean()) / own.std()
+        view = replace(image.view, frame=replace(image.view.frame, projector_power=1.0))
+        return replace(image, view=view, residual=image.residual + wrong)
+
+    (dark, _), *others = images
+    found = room_unit_starts([*(lit(image) for image, _ in others), dark])[0]
+    assert [found.get(name) for name in ("x_m", "y_m", "z_m")] == pytest.approx(UNIT[:3, 3].tolist(), abs=0.05)
+
+
 def test_nothing_is_searched_in_noise_alone(images):
     assert room_unit_starts([replace(image, residual=noise) for image, noise in images]) == [{}]
 

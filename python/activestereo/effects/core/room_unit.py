@@ -289,13 +289,13 @@ _gain = itemgetter(0)
 
 def room_unit_starts(images: list[StartImage]) -> list[dict[str, float]]:
     """Returns the projector's intensity and pose at the best few places, {parameter: value} each. Returns [{}], the
-    neutral values, if the residual has no dots in the images in which the rig's own projector has its least power. The
-    other images help to find the place."""
-    chosen = sorted(images, key=lambda image: image.view.frame.projector_power)[:_IMAGES]
-    darkest = [i for i in chosen if i.view.frame.projector_power == chosen[0].view.frame.projector_power]
-    if not chosen or np.mean([_fine_chi2(image) for image in darkest]) < _LEAST_CHI2:
+    neutral values, if the residual has no dots. The images in which the rig's own projector has its least power count:
+    in others errors of its own dots pass for a unit's."""
+    least = min((image.view.frame.projector_power for image in images), default=0.0)
+    darkest = [image for image in images if image.view.frame.projector_power == least][:_IMAGES]
+    if not darkest or np.mean([_fine_chi2(image) for image in darkest]) < _LEAST_CHI2:
         return [{}]
-    seen, view = SeenPoints.of(chosen, _FINE_PIXELS), chosen[0].view
+    seen, view = SeenPoints.of(darkest, _FINE_PIXELS), darkest[0].view
     few = seen.some(_COARSE_PIXELS)
     places = _likely_places(few)
     if len(places) == 0:
