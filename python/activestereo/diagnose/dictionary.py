@@ -242,7 +242,7 @@ def _plans(effect: Effect, starts: NDArray[np.float64] | None, reach: float) -> 
     if len(choices) > _MOST_SHAPES:
         choices = [choices[k] for k in np.linspace(0, len(choices) - 1, _MOST_SHAPES).round().astype(int)]
     # A drift may be large though the constant error is zero.
-    for lead in [p for p in amplitudes if p is amplitudes[0] or "/K" in p.unit or "/s" in p.unit]:
+    for lead in [p for p in amplitudes if p is amplitudes[0] or p.drifts]:
         others = [p for p in amplitudes if p is not lead] if lead is amplitudes[0] else amplitudes[:1]
         for level, choice in product(_levels(lead, effect.stage), choices):
             own = {p.name: v for p, v in zip(shapes, choice, strict=True)} | {lead.name: lead.neutral + level}

@@ -40,6 +40,7 @@ from activestereo.diagnose.selection import (
     freed,
     gain_beyond,
     most_like_rig,
+    other_law,
     own_ranks,
     stand_ins,
 )
@@ -103,7 +104,9 @@ class Search:
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
         parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
         in_images = sum(n.seen is not None and n.field is None for n in self._names)
-        rest = Remainder(*parts, names=in_images, is_full=self._is_full() or takes_any_light(self._names))
+        missed = {n.id: max(self._floor() / self._pixels, n.missed * n.gain) for n in self._names}
+        is_full = self._is_full() or takes_any_light(self._names)
+        rest = Remainder(*parts, names=in_images, is_full=is_full, by_frame=other_law(dictionary.linear, missed))
         return Outcome(
             self._evidence, self._fitter, self._first, self._solution, tuple(self._rows), tuple(self._names),
             self._noise, self._unjudged, rest, tuple(self._rounds),
@@ -315,8 +318,8 @@ class Search:
         in_model = {effect.id for effect, _ in self._solution.model.effects}
         inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
         fits = self._rounds[-1].fits
-        left = {id: fit.chi2 for id, fit in fits.items() if self._is_open(self._effect(id))}
-        left = {id: chi2 for id, chi2 in left.items() if self._chi2 - chi2 > self._floor()}
+        least = self._chi2 - self._floor()
+        left = {id: fit.chi2 for id, fit in fits.items() if fit.chi2 < least and self._is_open(self._effect(id))}
         if inexact is not None and left:
             members = members_of(left, fits, self._effects, self._fitter, self._solution, self._numbers)
             self._widen_set(inexact, [id for id in members if id not in inexact.members])
@@ -476,9 +479,7 @@ class Search:
     def _drop_needless(self) -> None:
         """Drops named effects, weakest first, if chi2 hardly rises without them. Random fields and temporal noise are
         never dropped."""
-        for name in sorted(self._names, key=lambda n: n.gain):
-            if name.field is not None or name.seen is None:
-                continue
+        for name in sorted((n for n in self._names if n.field is None and n.seen is not None), key=lambda n: n.gain):
             without = self._without(name.id)
             if without.sums.total - self._chi2 < self._floor(has_share=False):
                 self._names.remove(name)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from activestereo.capture.capture import SIDES
 from activestereo.diagnose.dictionary import Atom, first_dictionary
 from activestereo.diagnose.evidence import Evidence
-from activestereo.diagnose.fitter import Solution
+from activestereo.diagnose.fitter import Fitter, Solution
 from activestereo.diagnose.kept import FitCache
 from activestereo.diagnose.linear import Columns, Linear, Scores, score_alone, scores
 from activestereo.diagnose.numbers import Numbers
@@ -200,6 +200,31 @@ def gain_beyond(linear: Linear, fit: Solution) -> float:
     change = linear.residual - np.concatenate([p.gather(row.residual) * p.root_weight for p, row in pairs])
     information, score = score_alone(linear, change.astype(np.float32))
     return score**2 / max(information, 1e-9)
+
+
+def other_law(linear: Linear, missed: Mapping[str, float]) -> float:
+    """Returns Remainder.by_frame: by how much chi2 falls if a drift acts in each frame by an amplitude of its own. A
+    lens that grows with time, for example, moves the images of cold frames, too. missed: {effect: the fall of chi2 per
+    pixel that its formula may miss}, the unit."""
+    model = linear.solution.model
+    drifts = [e for e, _ in model.effects if e.id in missed and any(p.drifts for p in e.parameters)]
+    if not drifts:
+        return 0.0
+    fitter, there = linear.fitter, []
+    warmest = max(fitter.observations, key=lambda o: abs(o.view.warming_k)).frame.temperature_c
+    for o in fitter.observations:
+        frame = replace(o.frame, temperature_c=warmest)
+        there.append(replace(o, frame=frame, view=replace(o.view, frame=frame)))
+    warm = replace(linear, fitter=Fitter(there, fitter.nuisance_prior, 1))
+    images = warm.images(model)
+    frame_of = np.concatenate([np.full(len(p.index), p.observation.frame.id) for p in fitter.pixels()])
+    is_in, ratios = [frame_of == id for id in np.unique(frame_of)], []
+    for effect in drifts:
+        change = warm.change(model.without_effect(effect.id), images)
+        information, score = scores(linear, np.stack([change * here for here in is_in])).select(slice(None))
+        gain = _within_signs(information, score, [True] * len(score))[1]
+        ratios.append(gain / len(linear.residual) / missed[effect.id])
+    return max(ratios)
 
 
 def stand_ins(

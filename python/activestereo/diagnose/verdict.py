@@ -30,6 +30,7 @@ class Remainder:
     None if these show nothing. test_unlike: the largest ratio, over test frames, of left to explained (at least
     scene_error). names: the number of named effects of expected images. is_full: whether the search reached its largest
     number of names, or names together absorb any error of the projector's light (takes_any_light() of outcome.py).
+    by_frame: the largest other_law() (selection.py) of a named drift; beyond 1 its law over frames is another.
     """
 
     explained: float
@@ -43,6 +44,7 @@ class Remainder:
     test_unlike: float = 0.0
     names: int = 1
     is_full: bool = False
+    by_frame: float = 0.0
 
 
 def missing(rest: Remainder, numbers: Numbers) -> float:
@@ -71,7 +73,7 @@ def missing(rest: Remainder, numbers: Numbers) -> float:
     train = max(structure, left / max(in_images, numbers.structure))
     unconfirmed = test_left / max(rest.test_explained or 0.0, numbers.structure)
     beside = _TRAIN * train + _TEST * unconfirmed if is_tested else train
-    return max(beside, rest.strain / numbers.strain, unconfirmed, rest.test_unlike)
+    return max(beside, rest.strain / numbers.strain, unconfirmed, rest.test_unlike, rest.by_frame)
 
 
 def verdict_of(rest: Remainder, is_named: bool, has_floor: bool, numbers: Numbers) -> str:

@@ -8,7 +8,7 @@ import pytest
 from activestereo.diagnose.credible_set import credible, parted
 from activestereo.diagnose.outcome import Name
 from activestereo.diagnose.search import Search
-from activestereo.effects import builtin
+from activestereo.effects import Model, builtin
 
 EFFECTS = builtin()
 
@@ -30,9 +30,11 @@ def test_the_search_ends_with_sets_apart():
         Name(EFFECTS["vignetting"], {"vignetting": 0.7, "prnu": 0.3}, 0.1),
         Name(EFFECTS["prnu"], {"prnu": 1.0}, 0.1),
     ]
-    no, fit = lambda *_: False, SimpleNamespace(sums=SimpleNamespace(total=100.0))
+    no, fit = lambda *_: False, SimpleNamespace(sums=SimpleNamespace(total=100.0), model=Model())
+    found = SimpleNamespace(linear=SimpleNamespace(solution=fit))
     search = SimpleNamespace(
-        _names=names, _dictionary=no, _moved=no, _name_one=no, _name_in_place_of_rig=no, _widen_set_of_inexact=no,
+        _names=names, _dictionary=no, _moved=lambda _: found, _floor=no, _name_one=no,
+        _name_in_place_of_rig=no, _widen_set_of_inexact=no,
         _first=fit, _solution=fit, _pixels=10, _excess=0.0, _structure=0.0, _structure_before=0.0, _strain=no,
         _is_full=no, _evidence=None, _fitter=None, _rows=[], _noise={}, _unjudged={}, _rounds=[],
     )  # fmt: skip

@@ -22,7 +22,7 @@ from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.outcome import Name
 from activestereo.diagnose.refit import fitted_to_renders, missed_share, refit_at_peaks, refit_free_curve
 from activestereo.diagnose.search import Search
-from activestereo.diagnose.selection import freed, gain_beyond, stand_ins
+from activestereo.diagnose.selection import freed, gain_beyond, other_law, stand_ins
 from activestereo.effects import Light, Model, Parameter, Stage, builtin, effect
 from activestereo.effects.core.view import Layers
 from lab_worlds import WorldRenderer
@@ -153,6 +153,22 @@ def test_what_may_stand_for_a_part_of_a_name_is_told(clean, name, bent, frames, 
     evidence = seen(evidence, bent) if bent else evidence
     fitter, named = fit(evidence, ParameterSpace.of(Model(), builtin()[name]), steps, lambda space: start)
     assert of_others(linearised(fitter, named), name, (twin, other, "lens_psf"), 1e-3) == [twin]
+
+
+@pytest.mark.parametrize("cold_dn, is_of_another_law", [(0.0, False), (2.0, True)])
+def test_a_drift_that_cold_frames_show_too_follows_another_law(clean, cold_dn, is_of_another_law):
+    """The black level of the warm frame is 6 DN higher, and that of every other cold one `cold_dn`."""
+
+    def risen(image, view):
+        return image + (6.0 if view.warming_k else cold_dn * (view.frame.id % 2))
+
+    frames = [replace(o.frame, temperature_c=45.0 if o.frame.id == 0 else 25.0) for o in clean.train]
+    train = (replace(o, frame=f, view=replace(o.view, frame=f)) for o, f in zip(clean.train, frames, strict=True))
+    evidence, space = replace(clean, train=tuple(train)), ParameterSpace.of(Model(), builtin()["black_level"])
+    fitter, named = fit(seen(evidence, risen), space, 6, lambda space: [0.0, 0.1])
+    without = fitter.refine(ParameterSpace.of(Model()), np.zeros(0), named.phi, 6)
+    missed = 0.07 * (without.sums.total - named.sums.total) / fitter.pixels_used()
+    assert (other_law(linearised(fitter, named), {"black_level": missed}) > 1.0) == is_of_another_law
 
 
 def test_a_shape_is_looked_at_within_its_range(clean):

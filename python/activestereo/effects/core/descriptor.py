@@ -202,6 +202,11 @@ class Parameter:
             raise ValueError(f"parameter {self.name}: typical is {self.typical}, a prior's deviation is positive")
 
     @property
+    def drifts(self) -> bool:
+        """Returns whether it is a change per kelvin or second."""
+        return "/K" in self.unit or "/s" in self.unit
+
+    @property
     def typical_value(self) -> float:
         """Returns neutral plus `typical`, limited by the range; neutral minus `typical` where neutral is the upper
         limit."""
