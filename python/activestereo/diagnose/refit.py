@@ -251,11 +251,12 @@ class Refit:
 
 
 def refits(
-    fitter: Fitter, scored: Fitter, near: Solution, chosen: Sequence[Candidate], rendering: Rendering | None
-) -> dict[str, Refit]:
+    fitter: Fitter, scored: Fitter, near: Solution, chosen: Sequence[Candidate], rendering: Rendering | None,
+    least: float = 0.0,
+) -> dict[str, Refit]:  # fmt: skip
     """Fits each chosen effect alone beside the model of a fit, from its nuisances; returns {effect: Refit}. scored: a
     fitter with few images, for first steps. rendering: renders effects of air and surfaces, in place of their formulas;
-    None keeps the formulas."""
+    None keeps the formulas. least: gain of a formula's fit below which no render is worth its time."""
     if not chosen:
         return {}
     by_name, model, base_chi2 = {c.id: c for c in chosen}, near.model, near.sums.total
@@ -282,7 +283,7 @@ def refits(
         effect, values = f.solution.model.effects[-1]
         is_rendered = effect.is_simulated(values) and Stage.MEDIUM <= effect.stage <= Stage.SURFACE
         if rendering is not None and is_rendered:
-            if base_chi2 - f.chi2 > (1.0 - formula_error(effect, _UNMEASURED)) * most:
+            if base_chi2 - f.chi2 > max((1.0 - formula_error(effect, _UNMEASURED)) * most, least):
                 rendered = fitted_to_renders(fitter, f.solution, rendering)
                 found[name] = Refit(rendered, rendered is not f.solution)
     return found

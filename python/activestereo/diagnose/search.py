@@ -273,7 +273,8 @@ class Search:
 
     def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
         """Fits each candidate alone beside the present model; returns {effect: Refit}."""
-        return refits(self._fitter, self._scored, self._solution, chosen, self._rendering)
+        worth = self._floor() / _LINE_SHORT
+        return refits(self._fitter, self._scored, self._solution, chosen, self._rendering, worth)
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
         """Subtracts the predicted draws of a named random field from the measured images, in place of its earlier

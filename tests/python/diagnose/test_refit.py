@@ -248,6 +248,18 @@ def test_the_engines_images_find_the_parameter_that_the_formula_misses(glowing):
     assert np.array_equal(neutral.ambient, o.layers.ambient)
 
 
+@pytest.mark.parametrize("share, renders", [(0.9, True), (1.1, False)])
+def test_a_fit_that_gains_too_little_to_be_named_is_not_rendered(glowing, monkeypatch, share, renders):
+    simulated, calls = replace(glow, engine=lambda inputs, **values: inputs), []
+    fitter, proposed = proposed_by(glowing, simulated)
+    _, base = fit(glowing, ParameterSpace.of(Model()), 4)
+    monkeypatch.setattr(refit, "_from_starts", lambda *_: proposed)
+    chosen = [SimpleNamespace(id="glow", best=SimpleNamespace(atom=SimpleNamespace(effect=simulated)))]
+    least = share * (base.sums.total - proposed.sums.total)
+    found = refit.refits(fitter, fitter, base, chosen, rendering_of(glowing, calls), least)
+    assert (len(calls) > 0) == found["glow"].rendered == renders
+
+
 def test_one_render_tells_all_strengths_of_what_scales_the_light(clean):
     def twice(x):
         return 2.0 * x
