@@ -13,8 +13,7 @@ _WIDTH, _HEIGHT, _SHIFT, _BORDER = 320, 160, 8, 40
 
 
 def _fill(model, light_dn, part=np.s_[:], extra_bits=2, **changes):
-    """Share of measured pixels of a pair through the preset's imager and matcher, but for the image's border; light_dn:
-    above the black level. part: of the image."""
+    """Share of measured pixels inside of `part` through the preset's imager and matcher; light_dn: above the black."""
     config = StereoDepthSensorConfig(model)
     engine = depth_engine((_WIDTH, _HEIGHT), 200, **(matcher_parameters(config) | {"max_disparity": 32} | changes))
     no_laser = {"speckle_shape": 0.0, "speckle_scale": 0.0}  # room light has no speckle
@@ -84,7 +83,7 @@ def _engine(back_end="cpu", turned=0.02, **settings):
         SMALL_WIDTH, SMALL_HEIGHT, [[200.0, 0, SMALL_WIDTH / 2], [0, 200.0, SMALL_HEIGHT / 2], [0, 0, 1]]
     )
     device = simsense.Device("cpu" if back_end == "vulkan" else "host")
-    return simsense.Engine(device, camera, camera, left_to_right, rectified=not turned, **settings)
+    return simsense.Engine(device, camera, camera, left_to_right, rectified=not turned, back_end=back_end, **settings)
 
 
 @pytest.mark.parametrize("back_end", ["cpu", "vulkan"])
