@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 #include <string>
+#include <tuple>
 #include <type_traits>
 
 #include "capi/functions_of_handles.h"  // by capi/generation
@@ -28,26 +29,7 @@ T absurd() {
 }
 
 /// A handle of each kind of both libraries.
-struct Kinds {
-  kuafu_device device = nullptr;
-  kuafu_buffer buffer = nullptr;
-  kuafu_scene scene = nullptr;
-  kuafu_renderer renderer = nullptr;
-  simsense_device engines_device = nullptr;
-  simsense_buffer engines_buffer = nullptr;
-  simsense_engine engine = nullptr;
-
-  template <class H>
-  [[nodiscard]] H get() const {
-    if constexpr (std::is_same_v<H, kuafu_device>) return device;
-    if constexpr (std::is_same_v<H, kuafu_buffer>) return buffer;
-    if constexpr (std::is_same_v<H, kuafu_scene>) return scene;
-    if constexpr (std::is_same_v<H, kuafu_renderer>) return renderer;
-    if constexpr (std::is_same_v<H, simsense_device>) return engines_device;
-    if constexpr (std::is_same_v<H, simsense_buffer>) return engines_buffer;
-    if constexpr (std::is_same_v<H, simsense_engine>) return engine;
-  }
-};
+using Kinds = std::tuple<kuafu_device, kuafu_buffer, kuafu_scene, kuafu_renderer, simsense_device, simsense_buffer, simsense_engine>;
 
 /// `attempt(name, function)` with every function of both libraries that takes a handle.
 template <class Attempt>
@@ -64,11 +46,11 @@ void each_function(const Attempt& attempt) {
 template <class Result, class H, class... Rest>
 ks_status answer(Result (*function)(H, Rest...), const Kinds& given) {
   if constexpr (std::is_same_v<Result, ks_status>)
-    return function(given.get<H>(), absurd<Rest>()...);
+    return function(std::get<H>(given), absurd<Rest>()...);
   else if constexpr (std::is_pointer_v<Result>)
-    return function(given.get<H>(), absurd<Rest>()...) == nullptr ? KS_ERROR_INVALID_ARGUMENT : KS_OK;
+    return function(std::get<H>(given), absurd<Rest>()...) == nullptr ? KS_ERROR_INVALID_ARGUMENT : KS_OK;
   else
-    function(given.get<H>(), absurd<Rest>()...);
+    function(std::get<H>(given), absurd<Rest>()...);
   return KS_ERROR_INVALID_ARGUMENT;
 }
 
@@ -102,18 +84,14 @@ TEST_F(EveryFunction, RefusesAHandleThatIsNull) {
 
 TEST_F(EveryFunction, RefusesAHandleOfAnotherKind) {
   SKIP_IF(objects_.render.device ? "" : kuafu_last_error());
-  const Kinds good = objects_.handles();
-  Kinds other;
-  other.device = reinterpret_cast<kuafu_device>(good.engines_device);
-  other.buffer = reinterpret_cast<kuafu_buffer>(good.engines_buffer);
-  other.scene = reinterpret_cast<kuafu_scene>(good.renderer);
-  other.renderer = reinterpret_cast<kuafu_renderer>(good.scene);
-  other.engines_device = reinterpret_cast<simsense_device>(good.device);
-  other.engines_buffer = reinterpret_cast<simsense_buffer>(good.buffer);
-  other.engine = reinterpret_cast<simsense_engine>(good.engines_device);
+  const auto [device, buffer, scene, renderer, engines_device, engines_buffer, engine] = objects_.handles();
+  const Kinds other{reinterpret_cast<kuafu_device>(engines_device),   reinterpret_cast<kuafu_buffer>(engines_buffer),
+                    reinterpret_cast<kuafu_scene>(renderer),          reinterpret_cast<kuafu_renderer>(scene),
+                    reinterpret_cast<simsense_device>(device),        reinterpret_cast<simsense_buffer>(buffer),
+                    reinterpret_cast<simsense_engine>(engines_device)};
   expect_all_refuse(other);
   ks_device_info info = ks_device_info_init();
-  (void)kuafu_device_get_info(other.device, &info), (void)simsense_device_get_info(other.engines_device, &info);
+  (void)kuafu_device_get_info(std::get<0>(other), &info), (void)simsense_device_get_info(std::get<4>(other), &info);
   for (const std::string said : {kuafu_last_error(), simsense_last_error()})
     EXPECT_NE(said.find("no such handle"), std::string::npos) << said;
   objects_.render.expect_works();

@@ -237,6 +237,7 @@ TYPED_TEST(Handles, EnumerationTellsTheCountAndFillsWhatFits) {
   bool lavapipe = false;
   for (uint32_t i = 0; i < count; ++i) {
     EXPECT_EQ(infos[i].index, i);
+    EXPECT_EQ(infos[i].usable != 0, infos[i].refused[0] == '\0') << infos[i].name;
     lavapipe = lavapipe || (infos[i].kind == KS_DEVICE_KIND_CPU && infos[i].usable);
   }
   EXPECT_TRUE(lavapipe);

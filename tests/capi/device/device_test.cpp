@@ -78,17 +78,6 @@ TEST(SelectDevice, FailureNamesEveryDeviceAndItsReasons) {
   EXPECT_ERROR(select_device(devices, choose(77), ""), KS_ERROR_INVALID_ARGUMENT, "77");
 }
 
-TEST(Device, EnumerationListsTheCpuDeviceAsUsable) {
-  SKIP_IF(test::why_no_cpu_device());
-  std::string why_none;
-  bool found = false;
-  for (const ks_device_info& info : enumerate_devices(&why_none)) {
-    EXPECT_EQ(info.usable != 0, info.refused[0] == '\0') << info.name;
-    found = found || (info.kind == KS_DEVICE_KIND_CPU && info.usable);
-  }
-  EXPECT_TRUE(found) << why_none;
-}
-
 TEST(Device, CpuDeviceSharesMemoryBothWays) {
   SKIP_IF(test::why_no_cpu_device());
   const auto device = test::cpu_device();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <glm/gtc/packing.hpp>
 
 #include "kuafu/world.h"
 
@@ -62,12 +63,6 @@ class Formats : public testing::TestWithParam<uint32_t> {
   ks_status status_ = KS_OK;
 };
 
-double half(uint16_t bits) {
-  const int exponent = bits >> 10 & 31, fraction = bits & 1023;
-  const double value = exponent == 0 ? std::ldexp(fraction, -24) : std::ldexp(1024 + fraction, exponent - 25);
-  return (bits & 0x8000u) != 0 ? -value : value;
-}
-
 TEST_P(Formats, integers_are_the_scaled_floats_rounded_and_clamped) {
   const auto exact = packed<float>(KUAFU_OUTPUT_RADIANCE, KS_FORMAT_F32);
   ASSERT_GT(*std::max_element(exact.begin(), exact.end()), 1.0f);  // some clamp,
@@ -92,8 +87,8 @@ TEST_P(Formats, half_floats_are_the_nearest) {
   const auto halves = packed<uint16_t>(KUAFU_OUTPUT_RADIANCE, KS_FORMAT_F16);
   const auto many = packed<uint16_t>(KUAFU_OUTPUT_RADIANCE, KS_FORMAT_F16, 1e9f);
   for (size_t i = 0; i < pixels; ++i) {
-    EXPECT_NEAR(half(halves[i]), exact[i], exact[i] / 2048 * 1.001) << i;
-    EXPECT_EQ(half(many[i]), exact[i] > 0 ? 65504.0 : 0.0) << i;
+    EXPECT_NEAR(glm::unpackHalf1x16(halves[i]), exact[i], exact[i] / 2048 * 1.001) << i;
+    EXPECT_EQ(glm::unpackHalf1x16(many[i]), exact[i] > 0 ? 65504.0f : 0.0f) << i;
   }
 }
 

@@ -249,53 +249,40 @@ TEST(GltfMaterial, TransmissionWithoutThicknessIsASheet) {
 }
 
 TEST(GltfMaterial, ExtrasGiveWhatGltfHasNoWordsFor) {
-  GltfWriter w = with_materials({{{"extras",
-                                   {{"ir_roughness", 0.5},
-                                    {"ir_ior", 1.25},
-                                    {"ir_transmission", 0.75},
-                                    {"ir_transmission_roughness", 0.125},
-                                    {"diffuse_roughness", 0.25},
-                                    {"transmission_roughness", 0.0625},
-                                    {"subsurface", 0.5},
-                                    {"subsurface_color", {0.5, 0.25, 0.125}},
-                                    {"subsurface_radius_m", {0.5, 0.25, 2}},
-                                    {"ir_subsurface_color", 0.75},
-                                    {"ir_subsurface_radius_m", 0.5}}}}});
+  const std::pair<const char*, float Material::*> fields[] = {{"ir_roughness", &Material::ir_roughness},
+                                                              {"ir_ior", &Material::ir_ior},
+                                                              {"ir_transmission", &Material::ir_transmission},
+                                                              {"ir_transmission_roughness", &Material::ir_transmission_roughness},
+                                                              {"diffuse_roughness", &Material::diffuse_roughness},
+                                                              {"transmission_roughness", &Material::transmission_roughness},
+                                                              {"subsurface", &Material::subsurface},
+                                                              {"ir_subsurface_color", &Material::ir_subsurface_color},
+                                                              {"ir_subsurface_radius_m", &Material::ir_subsurface_radius_m}};
+  json extras = {{"subsurface_color", {0.5, 0.25, 0.125}}, {"subsurface_radius_m", {0.5, 0.25, 2}}};
+  const auto value = [&](size_t i) { return i == 1 ? 1.25f : 0.0625f * float(i + 1); };  // an index is at least 1
+  for (size_t i = 0; i < std::size(fields); ++i) extras[fields[i].first] = value(i);
+  GltfWriter w = with_materials({{{"extras", extras}}});
   const Loaded loaded = load(w);
   const Material& m = loaded.scene.materials()[0];
-  EXPECT_EQ(m.ir_roughness, 0.5f);
-  EXPECT_EQ(m.ir_ior, 1.25f);
-  EXPECT_EQ(m.ir_transmission, 0.75f);
-  EXPECT_EQ(m.ir_transmission_roughness, 0.125f);
-  EXPECT_EQ(m.diffuse_roughness, 0.25f);
-  EXPECT_EQ(m.transmission_roughness, 0.0625f);
-  EXPECT_EQ(m.subsurface, 0.5f);
+  for (size_t i = 0; i < std::size(fields); ++i) EXPECT_EQ(m.*fields[i].second, value(i)) << fields[i].first;
   EXPECT_EQ(m.subsurface_color, glm::vec3(0.5f, 0.25f, 0.125f));
   EXPECT_EQ(m.subsurface_radius_m, glm::vec3(0.5f, 0.25f, 2.0f));
-  EXPECT_EQ(m.ir_subsurface_color, 0.75f);
-  EXPECT_EQ(m.ir_subsurface_radius_m, 0.5f);
 }
 
 TEST(GltfMaterial, WrongTypesAndRangesNameTheField) {
-  const auto with = [](const json& material) {
-    GltfWriter w = with_materials({material});
-    return w;
-  };
-  GltfWriter w = with({{"pbrMetallicRoughness", {{"metallicFactor", "shiny"}}}});
-  expect_error(w, "materials[0]/pbrMetallicRoughness/metallicFactor is \"shiny\", must be a number");
-  w = with({{"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1}}}}});
-  expect_error(w, "must be 4 numbers");
-  w = with({{"pbrMetallicRoughness", {{"roughnessFactor", 3}}}});
-  expect_error(w, "roughness is 3");
-  w = with({{"extras", {{"ir_albedo", -0.5}}}});
-  expect_error(w, "ir_albedo is -0.5");
-  w = with({{"extras", {{"ior_texture", {{"index", 3}}}}}});
-  expect_error(w, "extras.ior_texture: texture 3 of 0");
-  w = with({{"extras", {{"subsurface_color", {1, 1}}}}});
-  expect_error(w, "must be 3 numbers");
-  w = with({{"emissiveTexture", {{"index", 4}}}});
-  expect_error(w, "emissiveTexture: texture 4 of 0");
-  w = with(json::object());
+  const std::pair<json, const char*> wrong[] = {{{{"pbrMetallicRoughness", {{"metallicFactor", "shiny"}}}},
+                                                 "materials[0]/pbrMetallicRoughness/metallicFactor is \"shiny\", must be a number"},
+                                                {{{"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1}}}}}, "must be 4 numbers"},
+                                                {{{"pbrMetallicRoughness", {{"roughnessFactor", 3}}}}, "roughness is 3"},
+                                                {{{"extras", {{"ir_albedo", -0.5}}}}, "ir_albedo is -0.5"},
+                                                {{{"extras", {{"ior_texture", {{"index", 3}}}}}}, "extras.ior_texture: texture 3 of 0"},
+                                                {{{"extras", {{"subsurface_color", {1, 1}}}}}, "must be 3 numbers"},
+                                                {{{"emissiveTexture", {{"index", 4}}}}, "emissiveTexture: texture 4 of 0"}};
+  for (const auto& [material, says] : wrong) {
+    GltfWriter w = with_materials(json::array({material}));
+    expect_error(w, says);
+  }
+  GltfWriter w = with_materials({json::object()});
   w.root["meshes"][0]["primitives"][0]["material"] = 8;
   expect_error(w, "material 8 of 1");
 }

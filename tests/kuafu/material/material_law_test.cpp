@@ -160,20 +160,13 @@ kuafu_material_desc frosted(float roughness) {
   return m;
 }
 
-// A block that fills the view, at an angle: paths leave it by all of its faces.
-double frosted_in_furnace(float ior, float roughness, uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t side = 20) {
-  World world(tracer);
-  kuafu_material_desc m = frosted(roughness);
-  m.ior = ior;
-  world.add(box({1, 1, 0.3}), m, placed({0, 0, 2}, 0.7));
-  world.set_environment(1.0f);
-  return world.radiance(view_at({0, 0, 0}, side, side, 3 * side), 256, 100).mean();
-}
-
 TEST(Materials, rough_glass_loses_and_creates_nothing) {
-  for (const auto& [ior, roughness] : {std::pair{1.1f, 1.0f}, {1.5f, 0.1f}, {1.5f, 0.6f}, {2.0f, 0.4f}})
-    EXPECT_NEAR(frosted_in_furnace(ior, roughness), 1, 0.01) << ior << " " << roughness;
-  EXPECT_NEAR(frosted_in_furnace(1.5f, 0.8f, KUAFU_TRACER_COMPUTE, 12), 1, 0.02);
+  for (const uint32_t tracer : {KUAFU_TRACER_AUTO, KUAFU_TRACER_COMPUTE}) {
+    World world(tracer);
+    world.add(box({1, 1, 0.3}), frosted(0.6f), placed({0, 0, 2}, 0.7));  // paths leave it by all of its faces
+    world.set_environment(1.0f);
+    EXPECT_NEAR(world.radiance(view_at({0, 0, 0}, 16, 16, 48), 256, 100).mean(), 1, 0.01) << tracer;
+  }
 }
 
 TEST(Materials, nearly_smooth_glass_is_smooth_glass) {

@@ -129,10 +129,4 @@ TEST(published, focal_length_from_the_rectifier_forgets_the_principal_points_of_
   EXPECT_NEAR(depth_at_centre(), 84 * 0.05f / 12, 0.01f);
 }
 
-TEST(published, unknown_faults_are_refused) {
-  simsense_rig_desc rig = ideal_rig();
-  rig.faults = 0x80;
-  EXPECT_ANY_THROW(simsense::Engine(ks::test::host_device(), rig, published_parameters()));
-}
-
 }  // namespace

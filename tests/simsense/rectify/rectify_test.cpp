@@ -155,6 +155,7 @@ TEST(Rig, EachFaultIsRefusedWithItsNumber) {
       {"right.lens.distortion[0] = -0.1", [](simsense_rig_desc& r) { r.right.lens.distortion[0] = -0.1; }},
       {"rgb camera is 640x0", [](simsense_rig_desc& r) { r.rgb.width = 640; }},
       {"left_to_rgb[3] = nan", [](simsense_rig_desc& r) { r.rgb = r.left, r.left_to_rgb[3] = NAN; }},
+      {"faults is 0x80", [](simsense_rig_desc& r) { r.faults = 0x80; }},
       {"side by side", [](simsense_rig_desc& r) { r.rectified = 0, r.left_to_right[3] = -0.001, r.left_to_right[7] = -0.05; }},
   };
   for (const auto& fault : faults) {
