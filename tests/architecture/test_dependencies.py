@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which folder may include or import which, what a library exports, what an engine never does.
-
-Reads #include and import lines of the sources, and the symbol tables of the built libraries (build folder:
-$ACTIVESTEREO_BUILD, else build/).
-"""
+"""Which folder may include or import which, what a library exports, what an engine never does: by the sources, and by
+the symbol tables of the built libraries (build folder: $ACTIVESTEREO_BUILD, else build/)."""
 
 import os
 import pathlib
@@ -34,8 +31,7 @@ LOADER_STATE = {
     "Builders::get()::builders",
 }
 
-# Memory of released handles, behind a mutex: it has to outlive every object, or a handle could not be recognised as
-# released.
+# Memory of released handles, behind a mutex: it outlives every object, so that a handle is known as released.
 HANDLE_MEMORY = {"Blocks::blocks()::all"}
 
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No work hides in attribute access: a property neither renders nor reads nor waits, for since Python 3.12 even a
-cached one may run in several threads at once."""
+"""Properties hide no work: none renders, reads or waits, since several threads may run even a cached one at once."""
 
 import ast
 import pathlib

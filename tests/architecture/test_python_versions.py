@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lowest Python that is promised is one number everywhere, and no file that users run asks for a newer one.
-
-mypy, which takes the same number, finds what is newer inside of modules, such as typing.Self.
-"""
+"""The lowest Python is one number everywhere; no file that users run imports a newer one (mypy finds the rest)."""
 
 import ast
 import pathlib
@@ -19,10 +16,7 @@ FILES = sorted(p for folder in ("python", "examples") for p in (ROOT / folder).r
 
 
 def newer_modules(source):
-    """Names of modules that Python's oldest promised release lacks, imported where sys.version_info is not asked.
-
-    Raises SyntaxError where the source itself is of a newer release.
-    """
+    """Names of imported modules that Python's oldest promised release lacks, where sys.version_info is not asked."""
     tree = ast.parse(source, feature_version=LOWEST)
     if not any(name.split(".")[-1] in source for name in NEWER_MODULES):
         return set()

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The files that ARCHITECTURE.md's recipes name are all that an addition takes: one of each kind is made in a copy of
-the tree. ACTIVESTEREO_FULL=1 also builds the copy, and renders with what was added."""
+"""ARCHITECTURE.md's recipes name all files that an addition takes; ACTIVESTEREO_FULL=1 builds and renders with one."""
 
 import os
 import shutil

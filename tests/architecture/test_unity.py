@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sources of the product may be compiled as one (ACTIVESTEREO_UNITY): they share no name, no macro changes a header.
-
-Which sources make a target is read from the build folder ($ACTIVESTEREO_BUILD, else build/). What is compiled with
-what shifts with each new source, so all sources of a target are held against each other.
-"""
+All sources of a target, as the build folder has them ($ACTIVESTEREO_BUILD, else build/), are held against each other,
+since each new source shifts what is compiled with what."""
 
 import collections
 import json

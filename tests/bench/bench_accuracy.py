@@ -45,8 +45,7 @@ SHOWN = (
 
 
 def sloped_dots(width=960, height=540, noise_dn=2.0, seed=1):
-    """(left, right, disparity): Gaussian dots, as a projector makes them, on a slope that passes every fraction of a
-    pixel; the left image is the right one's continuous pattern at exactly x - disparity."""
+    """(left, right, disparity): Gaussian dots on a slope through every fraction of a pixel, exact in both images."""
     random = np.random.default_rng(seed)
     fine, reach = 8, 140
     pattern = np.zeros((height, (width + reach) * fine))
@@ -82,8 +81,7 @@ def rendered_table_top():
 
 
 def table_of(left, right, truth):
-    """Per matcher (a disparity of 0 is no measurement: it has no depth): fill of what both cameras see; share of the
-    measured that is off by more; median error. Returns {matcher: disparity}."""
+    """Fill of what both cameras see, shares off by more and median error per matcher; returns {matcher: disparity}."""
     seen = np.zeros(truth.shape, bool)
     seen[INSIDE] = seen_by_both(truth)[INSIDE]
     all_found = {}

@@ -180,8 +180,7 @@ def _on_the_device(sensor: GBufferStereo, images: dict[str, Image]) -> Callable[
 
 
 def print_stages(environments: int, size_px: int, n: int, rounds: int, seed: int, device: str | int) -> None:
-    """Pairs/s on the device, beside a traced z-buffer's frames/s, and microseconds per pair by stage, of the fastest
-    round. n: supersampling. An idle GPU's clock has fallen, so that the first second of work does not count."""
+    """Pairs/s on the device, beside a traced z-buffer's frames/s, and us per pair by stage. n: supersampling."""
     config = StereoDepthSensorConfig("D435").resized(size_px, size_px)
     world = World.draw(seed, device)
     with StereoDepthSensor(config, world.scene, pose=world.pose) as sensor:

@@ -31,8 +31,7 @@ Pair synthetic_pair() {
   return {image(dots.left), image(dots.right)};
 }
 
-/// Wall milliseconds, and processor milliseconds over all threads divided by their number: the latter is what a busy machine distorts
-/// least.
+/// Wall milliseconds, and processor milliseconds over the number of threads, which a busy machine distorts least.
 struct Time {
   double wall_ms, cpu_ms;
 };

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page examples/guide/figures.md: the figures of all pages, taken from the results of the benchmarks, of the
-benchmark suite and of real recordings, each with the command that measures it again and its file of results."""
+"""Writes examples/guide/figures.md: each figure of a page with its measuring command and its file of results."""
 
 import json
 import re

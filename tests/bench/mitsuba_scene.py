@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of scenes of Mitsuba 3 (Jakob et al., 2022) from this project's meshes, poses and patterns. Colours are grey:
-one band. Every part is a dict for mitsuba.load_dict, or an object inside one."""
+"""Parts of scenes of Mitsuba 3 (Jakob et al., 2022), for mitsuba.load_dict. Colours are grey: one band."""
 
 from __future__ import annotations
 

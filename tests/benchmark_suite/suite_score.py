@@ -10,8 +10,7 @@ from suite_sets import OUTSIDE
 
 # {library's name: the case's name} of the same physics: a case's ambient infrared light is a lamp in the room.
 SAME_PHYSICS = {"external_light": "ambient_ir"}
-# An effect is detectable if the error above the noise floor that it leaves on test frames has this ratio to the
-# noise floor (see oracle.py).
+# Detectable: the error above the noise floor, on test frames, has this ratio to the floor (see oracle.py).
 DETECTABLE = 0.5
 
 
@@ -123,8 +122,7 @@ def read_results(folder, ids):
 
 
 def score(results):
-    """Returns {measures, by_strength, calibration} of the Results. measures: {name: {value, low, high, n}} with 95 %
-    intervals; the other two are the pictures' data."""
+    """Returns {measures: {name: {value, low, high, n}} with 95 % intervals, by_strength, calibration} of Results."""
     sets = ("single", "pairs", "outside", "none", "depth", "wider", "filters", "mitsuba")
     of = {name: [r for r in results if r.key["set"] == name] for name in sets}
     clear = [r for r in of["single"] if r.detectable]

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines the sets of the benchmark suite: the effects that each case hides. Case k of a set is the same in every run,
-and generation 0 is the one that is reported.
-
-Other generations are other test cases of the same kinds, to learn from without looking at the suite's own.
-"""
+"""The benchmark sets: case k hides the same in every run; generation 0 is reported, others are to learn from."""
 
 import hashlib
 import sys

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Threads and memory that the host lends to a device (ks_host_services): all work and all large blocks come from the host, and results
-// have the bits that they have without.
+// Threads and memory that the host lends (ks_host_services): all work and large blocks are the host's, results have the same bits.
 #include <gtest/gtest.h>
 
 #include <atomic>

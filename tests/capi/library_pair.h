@@ -39,8 +39,7 @@ namespace ks::test {
 KS_TEST_LIBRARY(Kuafu, kuafu);
 KS_TEST_LIBRARY(Simsense, simsense);
 
-/// The CPU Vulkan device, or the best one where the environment has ACTIVESTEREO_TEST_DEVICE=auto (to try the same on a GPU); nullptr where
-/// there is none (last_error says why).
+/// The CPU Vulkan device, or with ACTIVESTEREO_TEST_DEVICE=auto the best one (a GPU); nullptr without one (last_error says why).
 template <class Library>
 typename Library::Device open_test_device() {
   ks_device_desc desc = ks_device_desc_init();

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A host program's own Vulkan: an instance, a device (the CPU's, where there is one) with what the libraries need, a queue and what goes
-// through it.
+// A host program's own Vulkan: instance, device (the CPU's, where there is one) with what the libraries need, queue and commands.
 #pragma once
 
 #include <mutex>

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that were compiled against the headers of an earlier version run on today's libraries, and the headers then
-and now agree on every field and constant that both have."""
+"""Programs compiled against earlier headers run on today's libraries; both headers agree on all that both have."""
 
 import os
 import pathlib

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host program may have functions of the same names as those inside the libraries' own dependencies: neither disturbs
-the other.
-
-The host defines and exports every function that another library exports, each ending the program; kuafu and simsense,
-opened with RTLD_LOCAL, must work in it all the same.
-"""
+"""A host that exports every function that another library exports, each ending the program, disturbs neither kuafu nor
+simsense, opened with RTLD_LOCAL: its functions may have the names of those in the libraries' own dependencies."""
 
 import os
 import pathlib

@@ -128,8 +128,7 @@ inline Shape quad(const Vec3& centre, const Vec3& a, const Vec3& b) {
   return shape;
 }
 
-/// A wall at distance z, 2 m wide per metre of z, seen by a camera at the origin; uv (0, 0) is at its upper left, (1, 1) at its lower
-/// right.
+/// A wall at distance z, 2 m wide per metre of z, seen from the origin; uv (0, 0) is at its upper left, (1, 1) at its lower right.
 inline Shape uv_wall(double z = 1) {
   const auto s = float(z);
   Shape shape;
@@ -262,8 +261,7 @@ inline kuafu_renderer& kept_renderer(uint32_t tracer, uint32_t worker_count) {
   return renderers[{tracer, worker_count}];
 }
 
-/// A member of a fixture whose tracer the device cannot have skips the test; a test that makes one in its body asks SKIP_IF(why_not(...))
-/// before.
+/// A fixture's member whose tracer the device lacks skips the test; a test that makes one in its body asks SKIP_IF(why_not(...)) before.
 class World {
  public:
   explicit World(uint32_t tracer = KUAFU_TRACER_AUTO, uint32_t worker_count = 0) : device_(shared_device(worker_count)), tracer_(tracer) {

@@ -24,11 +24,7 @@ needs_chromium = pytest.mark.skipif(not is_installed(), reason="no chromium: ins
 
 
 class Page:
-    """A page in a browser of its own, as a context manager that ends the browser. Raises RuntimeError if the browser or
-    a script fails.
-
-    size: (width, height) of the window, pixels.
-    """
+    """A page in a browser that the context manager ends; RuntimeError if browser or script fail. size: pixels."""
 
     def __init__(self, path: Path | str, size: tuple[int, int] = (1280, 1000)) -> None:
         self._profile = tempfile.TemporaryDirectory(prefix="chromium-")

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much memory and time a piece of work takes at most: it runs in a forked child, so that neither what ran before nor what it leaves
-// behind counts.
+// Most memory and time that a piece of work takes: in a forked child, so that neither what ran before nor what it leaves counts.
 #pragma once
 
 #include <malloc.h>

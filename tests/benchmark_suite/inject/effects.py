@@ -135,8 +135,7 @@ def tangential_distortion(light: Light, view: View, size: float, direction_rad: 
 
 
 def _bent(light: Light, view: View, shift: Callable[..., tuple[Image, Image]]) -> Light:
-    """Resamples the image under a distortion: each pixel shows the ray that ray + shift(ray) moves to its centre, found
-    by fixed-point iteration."""
+    """Resamples under a distortion: a pixel shows the ray that ray + shift(ray) moves to its centre (fixed point)."""
     drawn_x, drawn_y = view.rays(light.value.shape)
     x, y = drawn_x, drawn_y
     for _ in range(12):
@@ -172,8 +171,7 @@ def response(light: Light, view: View, compression: float) -> Light:
 
 
 def bands(light: Light, view: View, depth: float, frequency_hz: float, phase_rad: float) -> Light:
-    """Modulates the light by mains flicker read row by row: bands that roll from frame to frame. depth: amplitude over
-    mean in the image, after the exposure's average."""
+    """Modulates light by mains flicker, read row by row. depth: amplitude over mean, after the exposure's average."""
     height = light.value.shape[0]
     time_s = view.time_s + (np.arange(height) - (height - 1) / 2) * view.row_time_s
     return light.scaled(1.0 + depth * np.cos(2.0 * np.pi * frequency_hz * time_s + phase_rad)[:, None])
@@ -226,8 +224,7 @@ def _is_dead(view: View, share: float) -> np.ndarray:
 
 
 def moved_depth(depth: np.ndarray, K: np.ndarray, to_other: np.ndarray, other_K: np.ndarray) -> np.ndarray:
-    """Projects a depth image in metres into another camera of the same size. The nearest surface wins, and gaps of one
-    pixel close. to_other: 4x4, this camera to the other."""
+    """Projects depth in metres into a camera of its size (to_other, 4x4); the nearest wins, gaps of 1 px close."""
     v, u = np.nonzero(depth > 0.0)
     z = depth[v, u]
     point = np.linalg.inv(K) @ np.stack([u * z, v * z, z])

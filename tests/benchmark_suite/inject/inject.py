@@ -88,8 +88,7 @@ class Injection:
         )
 
     def _depth(self, frame: Frame, is_right: bool) -> np.ndarray | None:
-        """Returns one camera's depth in metres, [height][width], of this frame or a repeat of it, since repeats often
-        store it once. None without depth."""
+        """One camera's depth in metres, [height][width], of this frame or a repeat of it; None without depth."""
         group = frame.repeat_group
         repeats = [f for f in self.capture.frames if group is not None and f.repeat_group == group]
         told = next((f for f in (frame, *repeats) if f.depth_path is not None), frame)
@@ -131,8 +130,7 @@ def darkest(capture: Capture) -> float:
 
 
 def write_injected(injection: Injection, out: Path, bar: ProgressBar | None = None) -> dict[str, Any]:
-    """Writes the capture with the effect as the new folder `out`. Returns the contents of its answer.json. Everything
-    but the infrared images is copied, so depth stays the device's."""
+    """Writes the capture with the effect in its infrared images as the new folder `out`; returns its answer.json."""
     capture = injection.capture
     home = capture.path.resolve()
     if out.resolve().is_relative_to(home):

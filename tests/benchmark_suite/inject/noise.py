@@ -53,8 +53,7 @@ def measured_noise_model(capture: Capture, black_dn: float) -> NoiseModel:
 
 
 def _quiet_blocks(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (mean, noise variance) of the image's blocks. The variance comes from second differences across both axes
-    (Immerkaer 1996), with separate 3x3 pixels."""
+    """Returns (mean, noise variance) of blocks, by second differences (Immerkaer 1996) of separate 3x3 pixels."""
     side = 3 * _BLOCK
     rows, columns = (length // side for length in image.shape)
     blocks = image[: rows * side, : columns * side].reshape(rows, _BLOCK, 3, columns, _BLOCK, 3)

@@ -24,8 +24,7 @@ inline const std::string& why_no_cpu_device() {
   return why;
 }
 
-/// The CPU device. A fixture's member skips the test where there is none; a test that makes one in its body asks
-/// SKIP_IF(why_no_cpu_device()) before.
+/// The CPU device. A fixture's member skips the test without one; a test that makes one asks SKIP_IF(why_no_cpu_device()) before.
 inline std::shared_ptr<Device> cpu_device(uint32_t worker_count = 2) {
   if (!why_no_cpu_device().empty()) {
     ks_test::skip(why_no_cpu_device());

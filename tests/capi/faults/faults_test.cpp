@@ -89,8 +89,7 @@ Outcome match_all(SimsenseObjects& o) {
 template <class Objects>
 using Job = Outcome (*)(Objects&);
 
-/// Waits for released devices: pipelines that a job began to build keep its device, run on it after the job's end, and would meet the fault
-/// that is meant for the next job.
+/// Waits for released devices: pipelines still being built keep theirs, run on it, and would meet the next job's fault.
 void expect_no_devices() {
   for (int i = 0; i < 30000 && layer->devices() > 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   ASSERT_EQ(layer->devices(), 0);

@@ -101,8 +101,7 @@ TEST(BvhBuilder, HugeAndTinyExtentsStaySound) {
 TEST(BvhBuilder, TooManyBoxesForTheDepthIsAnError) { EXPECT_ERROR(build_bvh(random_boxes(129), 1, 7), KS_ERROR_UNSUPPORTED, ""); }
 
 TEST(BvhBuilder, HeuristicBeatsMedianSplitsOnClusters) {
-  // A dense cluster beside a sparse one: splitting between them keeps the dense half small. Expected cost = sum of half areas of inner
-  // nodes.
+  // A dense cluster beside a sparse one: a split between them keeps the dense half small. Cost: the sum of inner nodes' half areas.
   Random random(3);
   std::vector<Box> boxes(1024);
   for (size_t i = 0; i < boxes.size(); ++i) {

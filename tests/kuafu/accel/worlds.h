@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes and rays for the tracers' tests. Numbers come straight from a Mersenne twister, so that every standard library gives the same
-// ones.
+// Scenes and rays for the tracers' tests, by numbers straight from a Mersenne twister: every standard library gives the same.
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Instances and lights that move while the shutter is open, and lights that go on and off: closed forms, relativity, and tracers that
-// agree.
+// Instances and lights that move or switch while the shutter is open: closed forms, relativity, and tracers that agree.
 #include "kuafu/world.h"
 
 namespace laws {
@@ -20,8 +19,7 @@ kuafu_view_desc rolling(uint32_t width, uint32_t height, double line_time_s, dou
   return view;
 }
 
-/// The edge of a half plane that moves by 3 m/s, seen at 2 m by lines 1 ms apart: 0.15 pixels a line. Its frame is turned and scaled:
-/// twists are not.
+/// A half plane's edge that moves by 3 m/s, seen at 2 m by lines 1 ms apart: 0.15 pixels a line. Its frame is turned and scaled.
 TEST(Motion, rolling_shutter_shears_a_moving_bar) {
   World world;
   Pose pose = placed({0.05, 0, 2}, pi, 2);

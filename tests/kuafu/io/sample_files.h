@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small scene files for tests: glTF as JSON with binary data by accessor(), a PNG, a Collada file. And a folder that goes away with the
-// test.
+// Small scene files: glTF as JSON with binary data by accessor(), a PNG, a Collada file. And a folder that goes away with the test.
 #pragma once
 
 #include <unistd.h>

@@ -11,8 +11,7 @@ namespace {
 /// Pose at `position` whose +z looks back along -z of the world.
 std::array<double, 16> facing_back(const Vec3& position) { return placed(position, pi); }
 
-/// A white Lambertian floor at z = 1 that faces -z, seen from straight before its centre through a narrow lens: radiance is irradiance /
-/// pi.
+/// A white Lambertian floor at z = 1 that faces -z, seen straight from before it through a narrow lens: radiance is irradiance / pi.
 double irradiance_at_floor(World& world, uint32_t samples = 64, uint32_t sampling = KUAFU_SAMPLING_MIS) {
   world.add(quad({0, 0, 1}, {-0.02, 0, 0}, {0, 0.02, 0}), lambert(1.0f));
   world.desc().light_sampling = sampling;
@@ -93,8 +92,7 @@ TEST(Lights, a_texture_shapes_an_area_light) {
   EXPECT_NEAR(irradiance_at_floor(world, 1024), expected, 0.02 * expected);
 }
 
-/// Emissive square of radiance 1 over a parallel square floor: the unit squares at distance 1 have form factor 0.19982 (Siegel and Howell,
-/// C-11).
+/// Emissive square of radiance 1 over a parallel floor: unit squares at distance 1 have form factor 0.19982 (Siegel and Howell, C-11).
 double facing_squares(uint32_t sampling, uint32_t tracer) {
   World world(tracer);
   world.add(quad({0, 0, 1}, {-0.5, 0, 0}, {0, 0.5, 0}), lambert(1.0f));
@@ -234,8 +232,7 @@ const std::vector<uint32_t> everything = {KUAFU_OUTPUT_RADIANCE,
                                           group_0 + 2,
                                           group_0 + 3};
 
-/// A room corner with a light of every kind: a lamp, an emissive panel, a rectangle, an environment, a projector. `on` switches one group
-/// on alone.
+/// A room corner with a lamp, an emissive panel, a rectangle, an environment and a projector; `on` switches one group on alone.
 struct Room {
   explicit Room(uint32_t tracer = KUAFU_TRACER_AUTO, int on = -1) : world(tracer) {
     world.add(quad({0, 0, 2}, {-1, 0, 0}, {0, 1, 0}), lambert(0.5f));

@@ -11,8 +11,7 @@ struct Spot {
          spread = 0;  // sum of intensities over the pattern's pixels; tangents; mean square distance from the centre
 };
 
-/// A white wall at distance_m seen from a projector of side x side pixels, with `zoom` pixels to one of the pattern; radiance back to
-/// intensity: I = pi L d^2 / cos^3.
+/// A white wall at distance_m seen from a projector of side x side pixels, `zoom` of them to one of its pattern; I = pi L d^2 / cos^3.
 inline Spot spot_on_wall(World& world, double distance_m, uint32_t side, double focal_px) {
   constexpr double zoom = 6;
   world.add(quad({0, 0, distance_m}, {-2 * distance_m, 0, 0}, {0, 2 * distance_m, 0}), lambert(1.0f));

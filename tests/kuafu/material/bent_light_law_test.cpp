@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light that glass bends on its way from a lamp or a projector: where it lands and how much, against rays traced from the lamp by Snell and
-// Fresnel.
+// Light that glass bends on its way from a lamp or projector: where it lands and how much, against rays by Snell and Fresnel.
 #include <functional>
 
 #include "kuafu/material/measured.h"

@@ -25,8 +25,7 @@ double bell(double wave_number, double middle, double variance) {
   return std::exp(-d * d / (4 * variance)) / std::sqrt(4 * std::numbers::pi * variance);
 }
 
-/// Reflectance at normal incidence of a film over a base, as the eye sees it: Airy's sum of each wave, weighted, and scaled so that 1 is
-/// white.
+/// Reflectance at normal incidence of a film over a base: Airy's sum of each wave, weighted by the eye, so that 1 is white.
 Rgb seen(double ior, double thickness_um, double base) {
   const double r12 = (1 - ior) / (1 + ior), r23 = (ior - base) / (ior + base), step = 1e-4;
   double x = 0, y = 0, z = 0;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The BSDF's sampler against its own density and value, on the shaders' text compiled as C++: chi-square over the sphere, and weight = f
-// cos / pdf.
+// The BSDF's sampler against its own density and value, on the shaders' text compiled as C++: chi-square, and weight = f cos / pdf.
 #include <gtest/gtest.h>
 
 #include <complex>

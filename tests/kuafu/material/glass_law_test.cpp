@@ -19,8 +19,7 @@ TEST(Glass, a_slab_transmits_and_reflects_what_fresnel_says) {
 }
 
 TEST(Glass, a_tilted_slab_displaces_what_is_behind_it_as_snell_says) {
-  // A plate of thickness t shifts a ray sideways by t sin(a) (1 - cos(a) / (n cos(a'))). A bright edge put there is seen at the image's
-  // centre.
+  // A plate of thickness t shifts a ray by t sin(a) (1 - cos(a) / (n cos(a'))): a bright edge there is seen at the image's centre.
   const double t = 0.05, angle = 0.7, n = 1.5;
   const double shift = t * std::sin(angle) * (1 - std::cos(angle) / std::sqrt(n * n - std::pow(std::sin(angle), 2)));
   World world;
@@ -61,8 +60,7 @@ TEST(Glass, of_index_one_is_not_there) {
 }
 
 TEST(Glass, total_internal_reflection_is_total) {
-  // From inside a cube, 45 degrees to two pairs of walls: beyond the critical angle (41.8) at each of them, so no light from outside comes
-  // in.
+  // From inside a cube, 45 degrees to two pairs of walls, beyond the critical angle (41.8) of each: no light from outside comes in.
   World world;
   world.add(box({1, 1, 1}), glass(1.5f));
   world.set_environment(1.0f);
@@ -193,8 +191,7 @@ TEST(ThinGlass, light_samples_and_bsdf_samples_agree_through_frosted_panes) {
   expect_samplings_agree_through(pane(1), sheet(1.5f, 0.8f, 0.5f), 2048, 1);
 }
 
-/// A wall at z = 1 seen from the origin, a lamp 0.5 m before its centre and aside; panes stand between the lamp and the wall, not before
-/// the camera.
+/// A wall at z = 1 seen from the origin, a lamp 0.5 m before its centre and aside; panes stand between lamp and wall alone.
 struct BehindPanes : Lit {
   explicit BehindPanes(uint32_t tracer = KUAFU_TRACER_AUTO) : Lit(tracer) { world.desc().glass_shadows = KUAFU_GLASS_SHADOWS_STRAIGHT; }
   void add_pane(kuafu_material_desc material, double x = 0.8) { world.add(box({0.01, 0.3, 0.3}), material, placed({x, 0, 0.75})); }

@@ -129,8 +129,7 @@ TEST(Skin, InItsBindPoseNothingMoves) {
 }
 
 TEST(Skin, AVertexIsTheBlendOfTheJointsMatrices) {
-  // Section 3.7.3.3: jointMatrix(j) = globalTransform(j) * inverseBindMatrix(j), and the vertex is sum w_j jointMatrix(j) (position +
-  // targets).
+  // Section 3.7.3.3: jointMatrix(j) = globalTransform(j) * inverseBindMatrix(j); vertex: sum w_j jointMatrix(j) (position + targets).
   const Rig rig = arm();
   const RigMesh& mesh = rig.meshes[0];
   const double t = 0.6;

@@ -110,8 +110,7 @@ def test_a_sensor_sees_the_same_in_memory_of_a_gpu(monkeypatch):
 
 
 def test_a_frame_copies_nothing(small_config, table_top):
-    """Over take_picture and compute_depth both copy counters stand still. A GPU hands the results, which the sensor
-    wants as arrays, from its own memory to the host's."""
+    """Both copy counters stand still; but a GPU hands the results, wanted as arrays, from its memory to the host's."""
     small_config.samples_per_pixel, small_config.max_bounces = 1, 0
     sensor = StereoDepthSensor(small_config, table_top)
     assert sensor.ir_memory in ("opaque_fd", "host")

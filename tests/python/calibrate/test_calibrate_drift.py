@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`calibrate drift` on warm-ups that NumPy drew: drifts are named, their truths lie in their intervals, and what
-stays is not; recordings that tell no drift are refused with their reason."""
+"""`calibrate drift` on drawn warm-ups: drifts are named, with their truths in the intervals; others are refused."""
 
 import json
 import shutil

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`calibrate world` on rooms that NumPy drew: what it finds is what they were drawn with, within its own intervals; and
-recordings on which nothing can be measured are refused with their reason."""
+"""`calibrate world` on drawn rooms: the truth lies in its intervals; what cannot be measured is refused."""
 
 from __future__ import annotations
 

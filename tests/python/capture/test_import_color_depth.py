@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in the layouts of TUM, Open3D and BOP, written here as their descriptions have them, become captures; so
-do a robot's views and a connected camera's frames."""
+"""Recordings in the layouts of TUM, Open3D and BOP, a robot's views and a connected camera's frames are imported."""
 
 import json
 
@@ -169,8 +168,7 @@ _RGB = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
     ids=["texture", "colours of vertices", "none"],
 )
 def test_a_bop_model_reflects_as_its_colours(bop, tmp_path, model, linear_red):
-    """sRGB 20 is 0.007 and 18 is 0.006 (IEC 61966-2-1); what an infrared camera sees of a matt surface under uniform
-    light is its red albedo, beside the reflecting layer's few per cent."""
+    """sRGB 20 is 0.007 and 18 is 0.006 (IEC 61966-2-1): the infrared albedo is the red one, beside a coat's share."""
     models = bop.parent.parent / "models"
     Image.new("RGB", (4, 4), (18, 200, 200)).save(models / "black.png")
     (models / "obj_000003.ply").write_text(model)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""activestereo demo: the steps run as they would alone, the hidden effect is in the images, and it is told last. What
-simulate and diagnose find is their own tests'."""
+"""activestereo demo runs its steps as they would alone; the hidden effect is in the images and is told last."""
 
 import json
 from functools import partial

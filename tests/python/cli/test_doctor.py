@@ -99,8 +99,7 @@ int vk_icdNegotiateLoaderICDInterfaceVersion(unsigned *version) {
 
 
 def made_driver(folder, links=(), source=""):
-    """The manifest of a driver whose libraries are gone afterwards. links: {name: the libraries that are gone behind
-    it, or None where it is gone itself}."""
+    """The manifest of a driver whose libraries vanish. links: {name: libraries gone behind it, None: gone itself}."""
 
     def compiled(output, *more, text=""):
         (folder / "source.c").write_text(text)

@@ -70,8 +70,7 @@ def _kind(words):
 
 
 def _follow(capsys, *seed):
-    """The kinds of commands that a command and those that it leads to give; led_on() views, each other kind is run
-    once, as it is pasted. The options of _QUICK and _CLEAR are handed on."""
+    """The kinds of commands that a command leads to; led_on() views, each other kind is run once, as pasted."""
     waiting, done = [[str(word) for word in seed]], []
     while waiting:
         words = waiting.pop(0)

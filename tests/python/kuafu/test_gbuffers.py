@@ -208,8 +208,7 @@ def away_from_edges(depth):
 
 @pytest.mark.parametrize(("supersampling", "most"), [(1, 0.6), (2, 0.35), (4, 0.2)])
 def test_a_pixel_at_an_edge_gets_the_light_of_both_surfaces_by_their_areas(supersampling, most):
-    """Straight edges at all angles between a near half of albedo 0.9 and a far one of 0.1, against the areas in each
-    pixel's square; one surface a pixel would be off by `sharp`."""
+    """Straight edges at all angles between albedos 0.9 and 0.1, by areas; one surface a pixel is off by `sharp`."""
     angles, size, fine = np.linspace(0.0, 2 * np.pi, 24, endpoint=False), 32, 16
     place = (np.arange(size * fine) + 0.5) / fine - size / 2
     along = np.cos(angles)[:, None, None] * place + np.sin(angles)[:, None, None] * place[:, None]

@@ -13,8 +13,7 @@ from activestereo.integrations.realsense.frames import composite_frame, frame, v
 
 
 class SoftwareDevice:
-    """A pyrealsense2.software_device with the streams of these profiles, open and started. device: the real one, for a
-    recorder; syncer: gives framesets, as wait_for_frames()."""
+    """An open, started software_device of pyrealsense2. device: the real one, for a recorder; syncer: gives frames."""
 
     def __init__(self, profiles: Sequence[video_stream_profile], unit_m: float = 0.001) -> None:
         import pyrealsense2 as rs

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a known room, drawn with NumPy alone: planes and balls with smooth random albedo, a projector of random
-dots, light of the room, a lens whose light falls as cos^n. Nothing of the product draws them."""
+"""Recordings of a known room, drawn with NumPy alone: planes, balls, a projector of dots, and a lens of cos^n."""
 
 from __future__ import annotations
 

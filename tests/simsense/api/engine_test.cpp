@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Promises of simsense_engine_compute: any strides and formats, batches, any subset of outputs, seeded noise, buffers without copies,
-// parameters that change.
+// simsense_engine_compute's promises: any strides, formats and outputs, batches, seeded noise, no copies, parameters that change.
 #include <cstring>
 #include <functional>
 #include <string>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Known geometry through the whole engine: planes come back where they are, from straight and crooked rigs, in the left and in the RGB
-// frame.
+// Known geometry through the whole engine: planes come back where they are, from straight and crooked rigs, in both frames.
 #include <algorithm>
 #include <cmath>
 

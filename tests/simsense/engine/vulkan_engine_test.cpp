@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The engine gives the same outputs on either back end: whole batches, from signal to points, in every format; on the caller's device
-// buffers without a copy, and asynchronously.
+// The engine gives the same outputs on either back end, in every format; on the caller's buffers without a copy, and asynchronously.
 #include "engine/engine.h"
 #include "image/view.h"
 

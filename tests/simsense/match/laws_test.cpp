@@ -39,8 +39,7 @@ TEST(matcher_law, shifted_pair_gives_that_disparity) {
   }
 }
 
-/// Gaussian dots of this width on even light; the left image shows them `shift` pixels further right. Vignetting takes this share of the
-/// light at the images' left and right borders.
+/// Gaussian dots of this width on even light, `shift` pixels further right in the left image; vignetting: share lost at the side borders.
 StereoPair fine_dots(double sigma, double shift, double vignetting, double dot_dn, double even_dn) {
   constexpr uint32_t width = 160, height = 96;
   std::mt19937 random(5);

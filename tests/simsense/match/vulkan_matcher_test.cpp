@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Vulkan matcher gives the bits of the scalar reference on the best device there is: disparities, confidence and reasons, over fuzzed
-// parameters and sizes, 8 and 16 bit, lane layouts, both kinds of minima, and batches.
+// The Vulkan matcher gives the scalar reference's bits: fuzzed parameters and sizes, 8 and 16 bit, lane layouts, minima, batches.
 #include <gtest/gtest.h>
 
 #include <sstream>

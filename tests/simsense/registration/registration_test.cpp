@@ -42,8 +42,7 @@ std::vector<float> registered(const StereoGeometry& g, const simsense_camera& rg
   return out;
 }
 
-/// The same by OpenCV's projection, one pixel after the other. Each point covers splat_size x splat_size pixels about the nearest one (an
-/// even size reaches one further left and up); the nearest point wins.
+/// The same by OpenCV's projection, pixel by pixel. An even splat_size reaches one further left and up; the nearest point wins.
 std::vector<float> registered_by_opencv(const StereoGeometry& g, const simsense_camera& rgb, const Rigid& to_rgb,
                                         const std::vector<float>& depth, const DepthRange& range, uint32_t splat_size) {
   constexpr float nothing = std::numeric_limits<float>::infinity();

@@ -42,8 +42,7 @@ inline std::vector<double> flat(const simsense_signal& signal, float light, cons
   return measure(signal, key, std::vector<float>(static_cast<size_t>(field_pixels), light));
 }
 
-/// 16 bits whose count is 1 / `counts_per_unit` of what the stages work in, above a pedestal, so that neither steps nor the range's ends
-/// show.
+/// 16 bits of 1 / `counts_per_unit` of what the stages work in, above a pedestal: neither steps nor the range's ends show.
 inline simsense_signal fine_signal(float counts_per_unit, float black_dn = 1000) {
   simsense_signal s = simsense_signal_init();
   s.bit_depth = 16;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The imagers in Vulkan compute: the scalar reference's counts but for rounding, in every format and stride, for batches however split, and
-// the laws of photon transfer.
+// The imagers in Vulkan compute: the scalar reference's counts but for rounding, in every format and stride, for batches however split.
 #include "vulkan/signal/imager.h"
 
 #include <gtest/gtest.h>

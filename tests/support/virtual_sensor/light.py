@@ -10,8 +10,7 @@ _LIFT = 1e-7
 
 
 def projector_irradiance(solids, points, normals, projector):
-    """Returns irradiance [2][n] of unoccluded projector light, I cos / d^2: of its pattern, and of a pattern that is 1
-    everywhere. The pattern is bilinear, and zero outside."""
+    """Returns irradiance [2][n], I cos / d^2: of the bilinear pattern, 0 outside, and of one that is 1 everywhere."""
     from_source = points - projector.position
     distance = np.linalg.norm(from_source, axis=1)
     direction = from_source / distance[:, None]
@@ -41,11 +40,9 @@ def bilinear(image, u, v):
 
 
 def radiance(solids, origins, directions, projector, numbers, bounces):
-    """Traces one cosine-distributed path per ray under a sky of radiance 1. Returns radiances [4][n] (direct projector,
-    indirect projector, sky, direct projector with a pattern of 1), and (t, normal, index) of the first hit.
-
-    numbers: random numbers in 0..1 for the paths' directions, [bounces + 1][2][n].
-    """
+    """Traces one cosine-distributed path per ray under a sky of radiance 1, by numbers in 0..1 [bounces + 1][2][n].
+    Returns radiances [4][n] (direct projector, indirect projector, sky, direct projector with a pattern of 1), and
+    (t, normal, index) of the first hit."""
     count = len(origins)
     direct, indirect, sky, flat = lights = np.zeros((4, count))
     weight = np.ones(count)

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Defines Lambertian solids with closed-form ray intersections, and their triangles for the glTF file.
-
-Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Solids are closed or two-sided.
-Normals point outwards; a rectangle's point along its `normal`.
-"""
+"""Defines Lambertian solids, closed or two-sided, with closed-form ray intersections and triangles for the glTF file.
+Rays are float64 arrays of origins and unit directions [n][3]; a miss has t = inf. Normals point outwards."""
 
 from dataclasses import dataclass
 

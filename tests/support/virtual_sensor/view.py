@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renders a pinhole camera's image of a world. Every pixel is the mean over a grid of jittered subpixel rays. A lattice
-with a random shift in each pixel spreads their paths over all directions (Cranley and Patterson 1976)."""
+"""Renders a world's image: jittered subpixel rays, on a lattice shifted at random (Cranley and Patterson 1976)."""
 
 from dataclasses import dataclass
 

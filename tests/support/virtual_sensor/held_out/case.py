@@ -54,8 +54,7 @@ class Hardware:
 
 
 class Case:
-    """A test case, determined by its seed, its hidden effects {id: {parameter: value}} and the size of the believed
-    scene's errors. more: a change of frames that are recorded beside the usual ones, see more.py."""
+    """A test case, set by its seed, hidden effects {id: {parameter: value}} and scene errors. more: see more.py."""
 
     def __init__(self, seed, hidden, scene_errors=1.0, sub=SUB, moving_exposure=1 / 8, more=None):
         self.seed, self.hidden, self._scene_errors, self._sub = seed, hidden, scene_errors, sub

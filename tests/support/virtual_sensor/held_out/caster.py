@@ -29,11 +29,8 @@ def closest(solids, origins, directions, skip=None):
 
 
 def transmittance(solids, origins, targets, through=None):
-    """Returns the share of light that passes from origins to targets [n][3], 0 behind a solid. through: {index of a
-    solid: the share that it transmits}.
-
-    Rectangles bound the room and cast no shadow into it.
-    """
+    """Returns the share of light that passes from origins to targets [n][3], 0 behind a solid; rectangles bound the
+    room and cast no shadow into it. through: {index of a solid: the share that it transmits}."""
     way = targets - origins
     distance = np.linalg.norm(way, axis=1)
     directions = way / distance[:, None]

@@ -151,8 +151,7 @@ def pairs(count):
 
 
 def draw_hidden(strengths, rng):
-    """Draws the parameters of hidden effects. strengths: {effect: index into STRENGTHS}. Returns ({effect: parameters},
-    the moving frames' exposure relative to the others')."""
+    """Draws parameters; strengths: {effect: index into STRENGTHS}. Returns ({effect: parameters}, moving exposure)."""
     hidden, moving_exposure = {}, 1 / 8
     for name, strength in strengths.items():
         hidden[name] = CATALOGUE[name].draw(strength, rng)

@@ -30,8 +30,7 @@ def charts(solid, spacing):
 
 
 def locate(solid, points, shapes):
-    """Returns (chart, row, column) of points on the solid's surface. row and column are real numbers with texel centres
-    at integers. shapes: (rows, columns) of each chart."""
+    """Returns (chart, row, column) of surface points, whole at texel centres. shapes: (rows, columns) of each chart."""
     if isinstance(solid, Rectangle):
         chart = np.zeros(len(points), dtype=int)
         offset = points - np.asarray(solid.centre)

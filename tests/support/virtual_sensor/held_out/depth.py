@@ -25,8 +25,7 @@ def device_depth(left, right, focal_px, baseline_m, hidden, earlier=()):
 
 
 def _averaged(frames, weight):
-    """Averages disparities over time. Frames within half a pixel of the latest count, with weights that fall as (1 -
-    weight)^age. frames: [age][height][width]."""
+    """Averages disparities [age][height][width] within half a pixel of the latest, by weights (1 - weight)^age."""
     near = (frames > 0) & (np.abs(frames - frames[0]) < 0.5)
     weights = near * (1.0 - weight) ** np.arange(len(frames))[:, None, None]
     return np.where(frames[0] > 0, (weights * frames).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9), 0.0)
@@ -83,8 +82,7 @@ def _census(image):
 
 
 def _cost(left, right, block):
-    """Returns the Hamming distance of census codes [height][width][disparity]; pixels without a partner in the right
-    image get the largest. block: side of the window that averages it."""
+    """Returns census codes' Hamming distance [height][width][disparity], without a partner the largest, over blocks."""
     height, width = left.shape
     cost = np.full((height, width, MAX_DISPARITY), float(len(_CROSS)))
     for d in range(MAX_DISPARITY):
@@ -113,8 +111,7 @@ def _aggregate(cost, dy, dx):
 
 
 def _least(before, shift):
-    """Returns the least cost of reaching each disparity from the line before, less its minimum. shift: sideways step of
-    a diagonal path; new paths start at the border."""
+    """Returns each disparity's least cost from the line before, less its minimum. shift: a diagonal's sideways step."""
     low = before.min(axis=1, keepdims=True)
     best = np.minimum(before, low + _P2)
     best[:, 1:] = np.minimum(best[:, 1:], before[:, :-1] + _P1)

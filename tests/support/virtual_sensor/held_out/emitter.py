@@ -67,8 +67,7 @@ class Emitter:
         return shading
 
     def _defocused(self, u, v, z, aperture_px_m, focus_m):
-        """Samples the pattern at (u, v) blurred by a hexagonal aperture, which grows with the distance of z from the
-        focus. It interpolates a stack of blurred patterns."""
+        """Samples the pattern at (u, v), blurred by a hexagonal aperture that grows with z's distance from focus."""
         level = aperture_px_m * np.abs(1.0 / z - 1.0 / focus_m) / _LEVEL_STEP_PX
         level = np.minimum(level, 60.0)
         low = np.floor(level).astype(int)

@@ -165,8 +165,7 @@ def _grain(sensor, frame, side, contrast):
 
 
 def _flicker(frame, depth, frequency_hz, phase_rad, line_time_s):
-    """Returns each row's relative lamp light: a rectified sine, as lamps without smoothing give, averaged over the
-    row's exposure. depth: amplitude of its fundamental."""
+    """Returns each row's relative lamp light: a rectified sine, averaged over its exposure. depth: its amplitude."""
     row_time = frame.timestamp_s + (np.arange(HEIGHT) - (HEIGHT - 1) / 2) * line_time_s
     instants = row_time[:, None] + (np.arange(24) + 0.5 - 12) / 24 * frame.exposure_s
     wave = np.pi / 2 * np.abs(np.sin(np.pi * frequency_hz * instants + phase_rad / 2))

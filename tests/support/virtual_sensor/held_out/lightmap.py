@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes indirect light by radiosity: form factors between texels by quasi-random rays, once per scene, for every
-pose of the rig.
-
-All values are irradiance / pi, so that albedo times a value is a radiance.
-"""
+pose of the rig. All values are irradiance / pi, so that albedo times a value is a radiance."""
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, map_coordinates

@@ -25,8 +25,7 @@ CHOICES = {
 
 
 def more_frames(frames, change):
-    """Returns the frames, followed by a changed copy of every train view. change["repeats"]: that many more of each
-    view; change["views"]: that many new poses with the first frame's settings, instead."""
+    """Returns frames, then changed copies of the train views: change["repeats"] more, or change["views"] new poses."""
     if "views" in change:
         rng = np.random.Generator(np.random.PCG64([_SEED, len(frames)]))
         new = [replace(frames[0], camera_to_world=random_pose(rng), repeat_group=None) for _ in range(change["views"])]

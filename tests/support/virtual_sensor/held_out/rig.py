@@ -70,10 +70,8 @@ def believed(rig, rng, amount):
 
 def draw_frames(rng, moving_exposure=1 / 8):
     """Draws the frames: two train poses with repeat, projector off and half exposure, two moving frames, and warm
-    frames at both poses. The test frames are a moving and a warm one.
-
-    moving_exposure: exposure of the moving frames relative to the others'; their gain makes up for it.
-    """
+    frames at both poses; a moving and a warm one are for the test. moving_exposure: of the moving frames relative to
+    the others'; their gain makes up for it."""
     poses = [random_pose(rng) for _ in range(4)]
     exposure = rng.uniform(0.0035, 0.0045)
     moving = {"exposure_s": exposure * moving_exposure, "gain": round(1 / moving_exposure, 4)}

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adds a glossy coat to some of the solids: Beckmann facets that mask each other in V-shaped grooves (Torrance and
-Sparrow 1967), under Schlick's Fresnel term. The product uses GGX."""
+"""Adds gloss: Beckmann facets in V-shaped grooves (Torrance and Sparrow 1967) under Schlick's term; not GGX."""
 
 import numpy as np
 
@@ -54,8 +53,7 @@ def _projector_glint(world, frame, points, n, view, poses, row, f0, roughness, e
 
 
 def _lobe(normals, view, f0, roughness):
-    """Returns (directions [k][n][3] of mirrored light, the share [k][n] of it that is reflected), off facets drawn by
-    their number and area. Neighbouring rays draw others."""
+    """Returns (directions [k][n][3] of light mirrored off drawn facets, the share [k][n] of it that is reflected)."""
     (tangent, bitangent), start = tangents(normals), np.arange(len(normals)) * _GOLDEN % 1.0
     ways, weights = [], []
     for k in range(_LOBE):

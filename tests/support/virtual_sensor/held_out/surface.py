@@ -127,8 +127,7 @@ def _direct(world, frame, points, normals, index, poses, row):
 
 
 def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
-    """Returns irradiance / pi that leaves points of a translucent surface. The light enters around them, with density
-    exp(-r / length_m) over the tangent plane."""
+    """Returns irradiance / pi leaving a translucent surface; light enters around by density exp(-r / length_m)."""
     tangent, bitangent = tangents(normals)
     start = (np.arange(len(points)) * 0.61803398875) % 1.0 * 2 * np.pi
     total = np.zeros(len(points))
@@ -141,8 +140,7 @@ def _diffused(world, frame, points, normals, poses, row, length_m, everywhere):
 
 
 def second_unit_poses(rig, poses, on_rig, beside_m, yaw_rad):
-    """Returns the second unit's projector-to-world pose for each pose of the left camera, [n][4][4]. on_rig: above 0 it
-    is mounted beside the first unit, else it stands in the room."""
+    """Returns the second unit's pose [n][4][4] at each of the left camera. on_rig: > 0 on the rig, else in the room."""
     if on_rig <= 0:
         return np.broadcast_to(look_at((np.sign(beside_m) * 0.45, 0.5, 0.45), (0.0, 0.05, -0.25)), poses.shape)
     turn = np.array([[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]])
