@@ -6,6 +6,7 @@ changes whenever its pixels may change.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeAlias
 
@@ -99,7 +100,7 @@ def _rendered(
 ) -> list[LayersOfFrames]:  # fmt: skip
     """Renders as render_frames() does, once for each seed. All seeds of a pose follow each other, because a renderer
     may keep parts that do not depend on the seed."""
-    cache = cache or LayerCache()
+    kept = cache or LayerCache()
     sampling = sampling_of(capture.rig, scale)
     requests: dict[str, RenderRequest] = {}
     keys: list[dict[int, str]] = [{} for _ in seeds]
@@ -109,20 +110,25 @@ def _rendered(
             of_seed[frame.id] = key = request_key(request, renderer.version)
             requests.setdefault(key, request)
     rendered = {}
-    for done, (key, request) in enumerate(requests.items()):
-        layers = cache.get(key)
-        if layers is None:
-            try:
-                layers = renderer(request, part_of(progress, done / len(requests), (done + 1) / len(requests)))
-            except kuafu.ArgumentError as error:
-                raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
-            cache.put(key, layers)
-        if sampling.scale > 1:
-            layers = tuple(map(sampling.pixel_layers, layers))
-        rendered[key] = dict(zip(SIDES, layers, strict=True))
-        if progress:
-            progress((done + 1) / len(requests))
-    return [{number: rendered[key] for number, key in of_seed.items()} for of_seed in keys]
+
+    def finished(key: str, layers: tuple[Layers, ...], is_new: bool) -> Mapping[str, Layers]:
+        if is_new:
+            kept.put(key, layers)
+        return dict(zip(SIDES, map(sampling.pixel_layers, layers) if sampling.scale > 1 else layers, strict=True))
+
+    with ThreadPoolExecutor(1) as beside:  # the next request is rendered while the last one is stored
+        for done, (key, request) in enumerate(requests.items()):
+            layers = kept.get(key)
+            is_new = layers is None
+            if layers is None:
+                try:
+                    layers = renderer(request, part_of(progress, done / len(requests), (done + 1) / len(requests)))
+                except kuafu.ArgumentError as error:
+                    raise CaptureError(f"{capture.path / 'capture.json'}: rig: {error}") from error
+            rendered[key] = beside.submit(finished, key, layers, is_new)
+            if progress:
+                progress((done + 1) / len(requests))
+    return [{number: rendered[key].result() for number, key in of_seed.items()} for of_seed in keys]
 
 
 def noise_square(first: np.ndarray, second: np.ndarray) -> float:
