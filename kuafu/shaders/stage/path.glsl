@@ -60,7 +60,7 @@ uint depth(IN(Path) path) { return can_walk() ? push.bounce - walked(path) : pus
 
 /// met: the surfaces (and scatterings) on the light's way. Where light groups are not kept apart, all are the first.
 uint ambient_group(uint light_group, uint met) {
-  if ((push.flags & shade_direct_apart) != 0u) return group_ambient + min(max(met, 1u) - 1u, 1u);
+  if ((push.flags & shade_direct_apart) != 0u) return group_ambient + (met > 1u ? 1u : 0u);
   return group_ambient + min(light_group, push.groups - group_count);
 }
 

@@ -206,10 +206,11 @@ def diagnose(
         tell(first_words(evidence, known, _within_reach(evidence, candidates)[0], numbers, memory))
 
     def located(
-        model: Model, near: Evidence | None = None, seen: Callable[[Evidence], object] = lambda evidence: None
-    ) -> tuple[Evidence, Rendering | None]:
-        draft = partial(render, is_draft=True)
-        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, near, draft, seen, workers)
+        model: Model, near: Evidence | None = None, at_most: float = np.inf,
+        seen: Callable[[Evidence], object] = lambda evidence: None,
+    ) -> tuple[Evidence, Rendering | None]:  # fmt: skip
+        how = near, partial(render, is_draft=True), seen, workers, at_most
+        evidence = gather_where_it_stands(capture, render, model, seed, kept, made_by, *how)
         return evidence, None if rendering is None else rendering(evidence.capture)
 
     def with_test(evidence: Evidence, fitter: Fitter, solution: Solution, model: Model) -> Evidence:

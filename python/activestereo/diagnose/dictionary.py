@@ -62,10 +62,10 @@ class Dictionary:
     columns: Columns
     others: list[Atom]
 
-    def grown(self, leads: Collection[str], late: Sequence[Effect], reach: float) -> "Dictionary":
-        """Returns the dictionary with columns of all shapes of the effects `leads` and of further effects, `late`."""
+    def grown(self, leads: Collection[str]) -> "Dictionary":
+        """Returns the dictionary with columns of all shapes of the effects `leads`."""
         more, others = ([a for a in self.others if (a.effect.id in leads) == is_lead] for is_lead in (True, False))
-        more = numbered([*more, *atoms_of(self.linear, late, reach)])
+        more = numbered(more)
         columns = np.concatenate([self.columns, columns_of(self.linear, more)])
         return Dictionary(self.linear, numbered([*self.atoms, *more]), columns, others)
 

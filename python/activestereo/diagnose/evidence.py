@@ -10,7 +10,7 @@ of position changes the image by the local slope times that error. Its deviation
 limited, so that effects that do move edges remain to be explained.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -147,15 +147,16 @@ class Evidence:
     geometry: Geometry
     seed: int = 0
 
-    def nuisance_prior(self) -> NuisancePrior:
+    def nuisance_prior(self, of_albedo: float = 1.0) -> NuisancePrior:
         """Returns the prior of the nuisances, which are corrections of the rendered geometry. It is centred on the
         stated values and has the stated uncertainty. The prior of poses is wider if static views were measured worse
         than stated. Poses that only test frames have stay where they were found. If the likelihood counts too many
-        pixels, prior variances are divided by the same factor (a tempered posterior; Miller and Dunson, JASA 2019)."""
+        pixels, prior variances are divided by the same factor (a tempered posterior; Miller and Dunson, JASA 2019).
+        of_albedo: factor on the albedos' stated uncertainty."""
         known = self.capture.uncertainty
         twist = np.repeat(self.geometry.beyond_stated() * [known.pose_m, known.pose_rad], TWIST // 2)
         projector = np.repeat([known.projector_m, known.projector_rad], TWIST // 2)
-        focal, albedo = np.full(len(SIDES), known.focal), np.full(self.materials, known.albedo)
+        focal, albedo = np.full(len(SIDES), known.focal), np.full(self.materials, of_albedo * known.albedo)
         sigma = np.concatenate([focal, albedo, projector, *[twist] * len(self.geometry.poses)])
         sigma /= np.sqrt(self.geometry.misfit)
         value = np.concatenate([-self.geometry.focal, np.zeros(self.materials), -self.geometry.twists()])
@@ -168,6 +169,11 @@ class Evidence:
     def pixels(self) -> int:
         """The number of train pixels."""
         return sum(o.pixels for o in self.train)
+
+    def less(self, images: Mapping[ImageKey, np.ndarray]) -> "Evidence":
+        """Returns the evidence with images, DN [height][width], subtracted from the measured ones of train frames."""
+        train = tuple(replace(o, measured=o.measured - images.get(o.key, 0.0)) for o in self.train)
+        return replace(self, train=train)
 
     def forget(self) -> None:
         """Drops what the images keep for fits, gigabytes of large images; it is computed again where it is needed."""

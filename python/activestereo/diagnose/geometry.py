@@ -45,7 +45,8 @@ class Geometry:
 
     focal: relative changes of the left and the right focal length. projector: the projector's twist. poses: a twist of
     the left camera for each stated pose, [n][6]. deviations: standard errors of focal, then of twists(), one vector.
-    misfit: the factor by which the likelihood overcounts pixels, from the scatter of the images' tiles; 1 = none.
+    misfit: the factor by which the likelihood overcounts pixels, from the scatter of the images' tiles; 1 = none. left:
+    mean square of the residual after the first step of the search, in noise variances.
     """
 
     stated: Capture
@@ -54,6 +55,7 @@ class Geometry:
     poses: NDArray[np.float64]
     deviations: NDArray[np.float64]
     misfit: float = 1.0
+    left: float = np.inf
 
     @classmethod
     def as_stated(cls, capture: Capture) -> "Geometry":

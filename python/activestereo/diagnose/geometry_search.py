@@ -37,7 +37,7 @@ from activestereo.effects.core.view import Layers
 # Least known share of a blurred pixel, against division by zero.
 _LEAST = 1e-6
 # The fields of a Geometry that the cache keeps.
-_FOUND = ("focal", "projector", "poses", "deviations", "misfit")
+_FOUND = ("focal", "projector", "poses", "deviations", "misfit", "left")
 # Blurs of the images, one round each. Dots are about a pixel wide.
 _BLURS_PX = (3.0, 0.0)
 _ITERATIONS = 4
@@ -57,6 +57,10 @@ _MOVING_RATIO, _MOVING_SIGMAS = 2.0, 2.0
 # A survey is never off by so many stated deviations: a misfitting model moves the rig to hide its error.
 _BELIEVED_SIGMAS = 10.0
 Render = Callable[[Capture], LayersOfFrames]
+
+
+class GivenUp(Exception):
+    """Ends a search whose first step leaves more of the images than the caller allows."""
 
 
 def coarse(o: Observation, sigma_px: float) -> Observation:
@@ -108,19 +112,24 @@ def gather_where_it_stands(
     draft: Render | None = None,
     seen: Callable[[Evidence], object] = lambda evidence: None,
     workers: int = 1,
+    at_most: float = np.inf,
 ) -> Evidence:
     """Estimates the poses of views and projector under a model, renders there, and returns the Evidence of the train
     frames. capture: states the poses to start from. render: returns a capture's layers. model: the effects known
     already. memory: keeps the estimated poses, so that a later diagnosis skips the search. rendered_by: all that
     determines the layers, for the key of `memory`. near: evidence under another model to start from. It is returned
     unchanged if the estimated poses are its own. draft: renders with fewer samples, on the way; None = render. seen:
-    called with the first evidence that is gathered, before a search. workers: number of processes."""
+    called with the first evidence that is gathered, before a search. workers: number of processes. at_most: raises
+    GivenUp if the first step leaves more (Geometry.left)."""
     key = None if memory is None else _key(capture, model, seed, rendered_by, near)
     known = None if memory is None or key is None else memory.get_arrays(key)
     if known is not None:
         found: dict[str, Any] = {name: known[f"geometry/{name}"] for name in _FOUND}
         # The type must be the same as when it was found: keys of fits tell a number from an array.
-        stands = replace(Geometry.as_stated(capture), **found | {"misfit": float(found["misfit"])})
+        numbers = {name: float(found[name]) for name in ("misfit", "left")}
+        stands = replace(Geometry.as_stated(capture), **found | numbers)
+        if stands.left > at_most:
+            raise GivenUp
         if near is not None and stands.is_same(near.geometry):
             return near
         capture = stands.capture()
@@ -134,6 +143,8 @@ def gather_where_it_stands(
         step = _step(evidence, model, 0.0, workers)
     else:
         evidence, step = _start(near, capture, render, model, workers)
+    if (left := step.left) > at_most:
+        raise GivenUp
     change, linear_share = _change(evidence, step.focal, step.twists), _LINEAR_SHARE if near is None else _TOLD_SHARE
     # If sharp images need a large correction, blurred ones reveal it. Without blurs the first step counts: a view's
     # move has hidden the model's effect so far.
@@ -151,7 +162,7 @@ def gather_where_it_stands(
             del evidence  # one at a time: those of large images take gigabytes
             capture, is_draft = geometry.capture(), by is draft
             evidence = gather(capture, by(capture), seed, geometry)
-    stands = replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit)
+    stands = replace(evidence.geometry, deviations=step.deviations, misfit=step.misfit, left=left)
     evidence = replace(evidence, geometry=stands)
     if memory is not None and key is not None:
         memory.put_arrays(key, {f"geometry/{name}": getattr(stands, name) for name in _FOUND})
@@ -307,7 +318,8 @@ def _fit_at_rest(
     solution = fitter.refine(start, start.start, phi0, _ITERATIONS)
     moves = np.split(_drop_albedos(solution.phi[SCALES:], evidence), [len(SIDES)])
     if not blur_px and _change(evidence, *moves) >= _TOLD_SHARE:
-        solution = fitter.refine(*_lens_start(evidence, model, fitter, phi0, workers), phi0, _ITERATIONS)
+        with_lens = _lens_start(evidence, model, fitter, phi0, workers)
+        solution = solution if with_lens is None else fitter.refine(*with_lens, phi0, _ITERATIONS)
     return fitter, solution
 
 
@@ -320,9 +332,9 @@ def _misfit(fitter: Fitter, solution: Solution) -> float:
 
 def _lens_start(
     evidence: Evidence, model: Model, fitter: Fitter, phi: np.ndarray, workers: int
-) -> tuple[ParameterSpace, np.ndarray]:
-    """Returns (parameter space, theta) to start a fit: the model's own, or with a lens distortion if a scan finds that
-    it helps. From neutral a fit would not find the distortion: nuisances absorb its displacements."""
+) -> tuple[ParameterSpace, np.ndarray] | None:
+    """Returns (parameter space, theta) to start a fit with a lens distortion; None if a scan finds none that helps.
+    From neutral a fit would not find the distortion: nuisances absorb its displacements."""
     own, known = ParameterSpace.of(model), {effect.id for effect, _ in model.effects}
     lenses = [e for e in builtin().values() if e.engine_fields == (_LENS,) and e.id not in known]
     picked = one_of_each_situation(evidence.train, evidence.seed)
@@ -343,7 +355,7 @@ def _lens_start(
     done = {i: work.result() for i, work in forked(chi2, trials, workers) if work.exception() is None}
     left = [done[i] if i in done else chi2(trial) for i, trial in enumerate(trials)]
     best = int(np.argmin(left))
-    return trials[best if left[best] < (1.0 - _WORTH) * left[0] else 0]
+    return trials[best] if left[best] < (1.0 - _WORTH) * left[0] else None
 
 
 def _drop_albedos(stated: np.ndarray, evidence: Evidence) -> np.ndarray:

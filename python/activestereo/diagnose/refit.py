@@ -213,8 +213,8 @@ def refit_free_curve(fitter: Fitter, solution: Solution) -> Solution:
 
 
 def refit_at_peaks(fitter: Fitter, fit: Solution) -> Solution:
-    """Refits each effect that has several narrow likelihood peaks (Effect.starts) from all peaks, beside the other
-    effects. Returns the best fit."""
+    """Refits each effect that has several narrow likelihood peaks (Effect.starts) from its promising peaks, beside the
+    other effects. Returns the best fit."""
     for effect in [e for e in fit.effects if e.starts is not None]:
         fit = _best_peak(fitter, fit, effect)
     return fit
@@ -224,10 +224,13 @@ def _best_peak(fitter: Fitter, fit: Solution, effect: Effect) -> Solution:
     assert effect.starts is not None
     without = fitted_model(fitter, fit.model.without_effect(effect.id), fit.phi)
     own = np.array([e.id == effect.id for e, _ in fit.space.pairs])
-    begun = [(fit.theta, SETTLING)]
+    thetas = [fit.theta]
     for start in effect.starts(start_images(linearised(fitter, without))):
         values = [start.get(p.name, v) for (_, p), v in zip(fit.space.pairs, fit.theta, strict=True)]
-        begun.append((np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta), _PEAK))
+        thetas.append(np.where(own, np.clip(values, fit.space.low, fit.space.high), fit.theta))
+    here, *gains = (without.sums.total - fitter.nuisance_fit(fit.space, theta, fit.phi)[1] for theta in thetas)
+    peaks = [(theta, _PEAK) for theta, gain in zip(thetas[1:], gains, strict=True) if gain > _RIVAL * here]
+    begun = [(fit.theta, SETTLING), *peaks]
 
     def refined(start: tuple[np.ndarray, tuple[int, float]]) -> Solution:
         theta, steps = start

@@ -6,7 +6,9 @@ because the missing effect had passed for noise and misplaced edges. The rig's g
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from activestereo.diagnose.evidence import Evidence
 from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws, imitates, is_sparse
 from activestereo.diagnose.fitter import RIG_AMPLITUDES, Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
+from activestereo.diagnose.geometry_search import GivenUp
 from activestereo.diagnose.goodness import design_effect, local_structure, mean_square
 from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
@@ -53,11 +56,13 @@ from activestereo.effects.core.descriptor import GEOMETRY_FAMILIES, Channel
 # its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
 # that exceeds _CLEAR times the needed gain, random fields need no check; fields below _MINOR of it do not count.
 _FITTED, _NEAR, _VAIN, _LINE_SHORT, _CLEAR, _MINOR = 4, 0.25, 0.1, 2.0, 10.0, 0.1
+# Effects whose trial points take long are tried if the best fit leaves more than this share of chi2 beyond noise.
+_LEFT = 0.1
 # The dictionary has all shapes of the effects whose first shapes gain more than this share of the best gain.
 _LEADS = 0.1
 # Rivals with this part of a name's gain may take its place.
 _NEAR_SWAP = 0.6
-# Albedos may be off by so many stated deviations where a named effect changes their meaning.
+# Albedos may be off by this part of their stated deviations where a named effect changes their meaning.
 _AS_STATED = 0.01
 # A noise term is named only if it is this share of the noise. Least part of Numbers.least_excess: without structure.
 _NOISE_SHARE, _QUIET = 0.1, 0.5
@@ -113,15 +118,13 @@ class Search:
         )  # fmt: skip
 
     def _dictionary(self) -> Dictionary:
-        """Returns the dictionary of all effects that change the expected images."""
+        """Returns the dictionary of the effects that change the expected images, but for those that start late."""
         images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        quick, late = ([e for e in images if e.starts_late == is_late] for is_late in (False, True))
-        reach = self._numbers.prior_reach
-        first = first_dictionary(self._measured, self._given, quick, reach, self._settings.memory)
+        quick = [e for e in images if not e.starts_late]
+        first = first_dictionary(self._measured, self._given, quick, self._numbers.prior_reach, self._settings.memory)
         found = candidates(first.atoms, scores(first.linear, first.columns), self._pixels)
         least = _LEADS * max((c.gain for c in found.values()), default=0.0)
-        leads = {name for name, c in found.items() if c.gain > least}
-        return first.grown(leads, late, reach)
+        return first.grown({name for name, c in found.items() if c.gain > least})
 
     def _moved(self, dictionary: Dictionary) -> Dictionary:
         """Returns the dictionary at the present fit."""
@@ -178,46 +181,45 @@ class Search:
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(dictionary.linear, formulas, numbers.formula_error)
         tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
+        proposing = [e for e in self._effects if e.starts is not None and self._is_open(e)]
+        quick, late = ([e for e in proposing if e.starts_late == is_late] for is_late in (False, True))
         floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
         is_rough = self._structure > numbers.structure_kept
         lost = self._lost({e.family for e in formulas}, is_rough)
         if self._names:
             again = {*lost, *(c.id for c in found.values() if _LINE_SHORT * c.gain > floor)}
-            found = self._found_again(linear, [*tried, *others], again, is_rough)
+            found = self._found_again(linear, [*tried, *others], again, quick if is_rough else [])
         elif found:
             for text in own_ranks(found, self._chi2):
                 self._settings.says(text)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
         fields: dict[str, FieldFit] = {}
         if by_line < _CLEAR * floor or self._names:
-            unnamed = filter(self._is_open, self._effects)
-            least = _MINOR * floor / self._chi2
-            fields = fields_of(unnamed, self._rows, float(self._solution.phi[SCALES - 1]), numbers, least)
+            unnamed, black_dn = filter(self._is_open, self._effects), float(self._solution.phi[SCALES - 1])
+            fields = fields_of(unnamed, self._rows, black_dn, numbers, _MINOR * floor / self._chi2)
         # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
         # images of one camera share. Outliers stand above it.
         drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
-        stands_out = {n for n, fit in fields.items() if fit.explained * self._chi2 > drawn * self._pixels}
-        fields = {n: fit for n, fit in fields.items() if n in stands_out or is_sparse(self._effect(n))}
+        least = drawn * self._pixels / self._chi2
+        fields = {n: fit for n, fit in fields.items() if fit.explained > least or is_sparse(self._effect(n))}
         by_draws = self._chi2 * max((fit.explained for fit in fields.values()), default=0.0)
-        self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure))
-        is_over = max(by_line, by_draws) < floor and not (is_rough and lost)
-        if is_over or self._is_full():
-            return False
-        most = max((c.gain for c in found.values()), default=0.0)
-        promising = [c for c in found.values() if _LINE_SHORT * c.gain > floor]
-        likely = [c for c in promising if c.gain > _NEAR * most][:_FITTED]
-        likely += [c for n, earlier in lost.items() if (c := found.get(n, earlier)) not in likely]
-        fits = self._fits(likely)
-        if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
-            fits |= self._fits([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
-        now = self._rounds[-1] = replace(now, fits=fits)
+        is_over = self._is_full() or (max(by_line, by_draws) < floor and not (is_rough and lost))
+        fits = {} if is_over else self._fits(found, lost)
+        least = min((fit.chi2 for fit in fits.values()), default=self._chi2)
+        leaves_much = least - self._pixels > _LEFT * (self._chi2 - self._pixels)
+        if leaves_much and (is_rough or not self._names) and not self._is_full():
+            more = self._found_again(linear, [], set(), late)
+            found = dict(sorted((found | more).items(), key=lambda item: -item[1].evidence))
+            most = max((c.gain for c in found.values()), default=0.0)
+            fits |= self._fits({name: c for name, c in more.items() if c.gain > _NEAR * most}, {})
+        self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure, fits))
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, drawn_fit in fields.items():
             # Draws leave no structure, unless neighbouring pixels share them.
             may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
             if may_be and self._chi2 * drawn_fit.explained > self._missed([n.missed for n in self._names]):
                 left[name] = self._chi2 * (1.0 - drawn_fit.explained)
-        if not left:
+        if self._is_full() or not left:
             return False
         best = min(left, key=lambda name: left[name])
         if best in fields:
@@ -226,8 +228,7 @@ class Search:
             left = {n: left[n] for n in first if self._chi2 - left[n] > least} or left
         members = members_of(left, fits, self._effects, self._fitter, self._solution, numbers)
         name = next(iter(members))
-        gain = self._chi2 - left[name]
-        effect = self._effect(name)
+        gain, effect = self._chi2 - left[name], self._effect(name)
         # The largest chi2 of all shapes by chance, for pixels that vary together.
         tile_chi2 = (fits[name].solution if name in fits else self._solution).sums.tile_chi2
         noise = design_effect(tile_chi2, self._fitter.tile_pixels()) * left[name] / self._pixels
@@ -237,7 +238,7 @@ class Search:
             return False
         is_exact = name not in fits or fits[name].rendered
         missed = missed_share(effect, is_exact, numbers.formula_error)
-        field = fields[name] if name not in fits else None
+        field = None if name in fits else fields[name]
         named = Name(effect, members, gain / self._pixels, missed, field, now)
         self._names.append(named)
         if named.field is not None:
@@ -262,19 +263,26 @@ class Search:
         return found
 
     def _found_again(
-        self, linear: Linear, atoms: Sequence[Atom], likely: set[str], is_rough: bool
+        self, linear: Linear, atoms: Sequence[Atom], likely: set[str], proposing: Sequence[Effect]
     ) -> dict[str, Candidate]:
         """Scores likely effects by image changes at the present poses. Earlier ones take pose errors for light.
-        is_rough: whether structure is left; effects then propose trial points from it, likely or not."""
-        proposing = [e for e in self._effects if is_rough and e.starts is not None and self._is_open(e)]
+        proposing: effects that propose trial points from the present residual, likely or not."""
         kept = [a for a in atoms if a.effect.id in likely.difference(e.id for e in proposing)]
         some = numbered([*kept, *atoms_of(linear, proposing, self._numbers.prior_reach)])
         return candidates(some, scores(linear, columns_of(linear, some)), self._pixels) if some else {}
 
-    def _fits(self, chosen: Sequence[Candidate]) -> dict[str, Refit]:
-        """Fits each candidate alone beside the present model; returns {effect: Refit}."""
-        worth = self._floor() / _LINE_SHORT
-        return refits(self._fitter, self._scored, self._solution, chosen, self._rendering, worth)
+    def _fits(self, found: Mapping[str, Candidate], lost: Mapping[str, Candidate]) -> dict[str, Refit]:
+        """Fits the best candidates and those of `lost`, each beside the present model; returns {effect: Refit}."""
+        floor, most = self._floor(), max((c.gain for c in found.values()), default=0.0)
+        how = {"rendering": self._rendering, "least": floor / _LINE_SHORT}
+        fitted = partial(refits, self._fitter, self._scored, self._solution, **how)
+        promising = [c for c in found.values() if _LINE_SHORT * c.gain > floor]
+        likely = [c for c in promising if c.gain > _NEAR * most][:_FITTED]
+        likely += [c for n, earlier in lost.items() if (c := found.get(n, earlier)) not in likely]
+        fits = fitted(likely)
+        if all(self._chi2 - fits[c.id].chi2 < _VAIN * c.gain for c in likely):
+            fits |= fitted([c for c in promising if c not in likely and c.gain > floor][:_FITTED])
+        return fits
 
     def _take_draws(self, name: Name, rows: Sequence[ImageResidual], field: FieldFit | None) -> None:
         """Subtracts the predicted draws of a named random field from the measured images, in place of its earlier
@@ -363,23 +371,23 @@ class Search:
         """Returns whether an effect may still be named. A dropped effect may not, so that the search ends."""
         return effect.id not in self._needless | {n.id for n in self._names}
 
-    def _accept(self, fit: Solution) -> bool:
+    def _accept(self, fit: Solution, at_most: float = np.inf) -> bool:
         """Continues the search from a fit that contains one more named effect. Estimates the poses and the weights
-        again under it, and refits. Returns whether the poses changed."""
+        again under it, and refits. Returns whether the poses changed. Raises GivenUp as Settings.located() does."""
         evidence = before = self._evidence
         if self._settings.located is not None and not evidence.geometry.is_as_stated():
-            there, self._rendering = self._settings.located(restore_functions(fit.model, self._effects), evidence)
+            under = restore_functions(fit.model, self._effects)
+            there, self._rendering = self._settings.located(under, evidence, at_most)
             if there is not evidence:  # its images still hold the draws taken off before
-                evidence = self._less_draws(there, self._drawn)
+                evidence = there.less(self._drawn)
                 self._use_evidence(evidence)
                 phi0 = self._fitter.phi0(evidence.nuisances)  # a material may be seen enough now to have an albedo
-                self._first, fit = (
-                    replace(f, phi=np.append(f.phi[:SCALES], phi0[SCALES:])) for f in (self._first, fit)
-                )
+                both = self._first, fit
+                self._first, fit = (replace(f, phi=np.append(f.phi[:SCALES], phi0[SCALES:])) for f in both)
                 fit = self._fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING)
         self._use_evidence(evidence)
-        rows = self._whole.residuals(fit)
-        self._use_evidence(weighed_again(evidence, fit.model, float(fit.phi[SCALES - 1]), rows))
+        black_dn = float(fit.phi[SCALES - 1])
+        self._use_evidence(weighed_again(evidence, fit.model, black_dn, self._whole.residuals(fit)))
         self._fit_again(refit_at_peaks(self._fitter, fit))
         self._less_rounding()
         return evidence is not before
@@ -401,7 +409,7 @@ class Search:
         """Accepts the fit of the effect named last. If the poses move, its closest rival is accepted from the same
         start, too. The one that leaves less error gets the name: poses found without an effect absorb a part of its
         image change. The other one joins the set if it leaves about as much. Both are judged by the named effect's
-        weights, because a wrong effect lowers its own weights."""
+        weights, because a wrong effect lowers its own weights. The rival is given up if it leaves more at once."""
         before, name = dict(vars(self)), self._names[-1]
         if not self._accept(fits[name.id].solution):
             return
@@ -412,7 +420,8 @@ class Search:
         gain = (fits[name.id].chi2 - fits[rival].chi2) / self._pixels + name.gain
         if gain > _NEAR_SWAP * name.gain and rival != name.id:
             vars(self).update(before)
-            self._accept(fits[rival].solution)
+            with suppress(GivenUp):
+                self._accept(fits[rival].solution, accepted["_evidence"].geometry.left + least)
             better = alone - mean_square(self._rows, weights)
             if better > 0.0:
                 self._names[-1] = replace(name, effect=self._effect(rival), members={rival: 1.0}, gain=gain + better)
@@ -449,22 +458,13 @@ class Search:
     def _take_off(self, drawn: Mapping[ImageKey, np.ndarray]) -> None:
         """Subtracts images from the measured ones. drawn: {image key: DN [height][width]}."""
         self._drawn = {key: image + self._drawn.get(key, 0.0) for key, image in drawn.items()}
-        self._use_evidence(self._less_draws(self._evidence, drawn))
-
-    @staticmethod
-    def _less_draws(evidence: Evidence, drawn: Mapping[ImageKey, np.ndarray]) -> Evidence:
-        train = tuple(replace(o, measured=o.measured - drawn.get(o.key, 0.0)) for o in evidence.train)
-        return replace(evidence, train=train)
+        self._use_evidence(self._evidence.less(drawn))
 
     def _fit_again(self, fit: Solution) -> None:
-        start, prior = ParameterSpace.of(self._given), self._evidence.nuisance_prior()
-        without = self._fitter
+        start, without = ParameterSpace.of(self._given), self._fitter
         if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):  # albedos would take its place
-            albedos = slice(len(SIDES), len(SIDES) + prior.materials)
-            sigma = prior.sigma.copy()
-            sigma[albedos] *= _AS_STATED
-            observations, tiles = self._fitter.observations, self._evidence.tiles
-            without = Fitter(observations, replace(prior, sigma=sigma), tiles, memory=self._settings.memory)
+            prior, tiles = self._evidence.nuisance_prior(_AS_STATED), self._evidence.tiles
+            without = Fitter(self._fitter.observations, prior, tiles, memory=self._settings.memory)
         fits = (
             lambda: self._fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING),
             lambda: without.refine(start, start.start, self._first.phi, *SETTLING),

@@ -31,9 +31,10 @@ class Settings:
 
     phases: is told when each of PHASES but the first begins. rendering: the render engine for the evidence, or None.
     memory: the cache of fits, or None. errors: computes the errors of held-out test frames; None leaves them out.
-    located(model, evidence): returns (evidence at poses estimated under a model, its render engine); None keeps the
-    poses. with_test(evidence, fitter, solution, model): returns the evidence with test frames added; None leaves them
-    out. says: called with the ranks of a user's own effects, and with the verdict before test frames confirm it.
+    located(model, evidence, at_most): returns (evidence at poses estimated under a model, its render engine), or raises
+    GivenUp, as gather_where_it_stands() does; None keeps the poses. with_test(evidence, fitter, solution, model):
+    returns the evidence with test frames added; None leaves them out. says: called with the ranks of a user's own
+    effects, and with the verdict before test frames confirm it.
     """
 
     phases: Phases | None = None
@@ -41,6 +42,6 @@ class Settings:
     rendering: Rendering | None = None
     memory: FitCache | None = None
     errors: ErrorsOfModels | None = None
-    located: Callable[[Model, Evidence], tuple[Evidence, Rendering | None]] | None = None
+    located: Callable[[Model, Evidence, float], tuple[Evidence, Rendering | None]] | None = None
     with_test: Callable[[Evidence, Fitter, Solution, Model], Evidence] | None = None
     says: Callable[[str], object] = lambda text: None

@@ -21,6 +21,7 @@ from activestereo.diagnose.found_model import albedo_json, albedo_surfaces, foun
 from activestereo.diagnose.gather import gather
 from activestereo.diagnose.geometry import TWIST, Geometry, derivatives_in_dn, focal_slopes, geometry_slopes
 from activestereo.diagnose.geometry_search import (
+    GivenUp,
     _moving_beyond_others,
     _step,
     coarse,
@@ -172,7 +173,7 @@ def test_where_it_stands_is_not_searched_again(capture, found, lab_world, lab_ca
 
 
 def test_a_search_goes_on_where_one_more_material_is_seen(found):
-    def located(model, near):
+    def located(model, near, at_most):
         train = (replace(o, geometry_places=o.geometry_places + 1) for o in near.train)
         return replace(near, train=tuple(train), materials=near.materials + 1), None
 
@@ -194,6 +195,8 @@ def test_a_search_that_went_astray_begins_again_where_the_capture_is_stated(capt
     astray = stated.moved(stated.focal, np.append(5.0 * PROJECTOR, stated.poses))
     near = gather(astray.capture(), render(astray.capture()), geometry=astray)
     assert gather_where_it_stands(capture, render, Model(), near=near).geometry.is_as_stated()
+    with pytest.raises(GivenUp):
+        gather_where_it_stands(capture, render, Model(), near=near, at_most=0.5)
 
 
 def test_a_test_view_is_found_after_all_else_and_moves_nothing_else(capture, lab_world, lab_cache):

@@ -15,6 +15,7 @@ from activestereo.diagnose.dictionary import Atom, carried
 from activestereo.diagnose.evidence import NuisancePrior, one_of_each_situation
 from activestereo.diagnose.fields import dots_seen
 from activestereo.diagnose.fitter import Fitter, ParameterSpace
+from activestereo.diagnose.geometry_search import GivenUp
 from activestereo.diagnose.goodness import Interval, interval, occam_nats
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.pixels import SCALES
@@ -102,9 +103,8 @@ def test_effects_propose_trial_points_again_where_structure_is_left(monkeypatch,
     parts |= {"scores": lambda *_: None, "candidates": lambda atoms, *_: [a.effect.id for a in atoms]}
     for name, part in parts.items():
         monkeypatch.setattr(f"activestereo.diagnose.search.{name}", part)
-    given = {"_effects": [unit, likely], "_is_open": bool, "_numbers": NUMBERS, "_pixels": 1}
-    search = SimpleNamespace(**given, _settings=SimpleNamespace(memory=None))
-    found = Search._found_again(search, None, [Atom(likely, {}, (), (), (), 0)], {likely.id}, is_rough)
+    search = SimpleNamespace(_numbers=NUMBERS, _pixels=1)
+    found = Search._found_again(search, None, [Atom(likely, {}, (), (), (), 0)], {likely.id}, [unit] * is_rough)
     assert found == [likely.id, unit.id][: 1 + is_rough]
 
 
@@ -129,23 +129,30 @@ def test_draws_of_dots_and_of_views_take_any_error_beside_another_name(image, dr
         ({"radial_distortion": 0.07, "pattern_scale_drift": 0.04}, "pattern_scale_drift", 1),
         ({"radial_distortion": 0.044, "pattern_scale_drift": 0.046}, "radial_distortion", 2),
         ({"radial_distortion": 0.04, "pattern_scale_drift": 0.07}, "radial_distortion", 1),
+        ({"radial_distortion": 0.04, "pattern_scale_drift": None}, "radial_distortion", 1),
     ],
 )
 def test_a_close_rival_is_judged_at_poses_of_its_own(left, named, members):
     """Poses that were found without either effect had taken most of both. The weights that each leads to judge
-    neither."""
+    neither. The last one is given up, because its poses leave more at once."""
     now = round_of(1000.0, radial_distortion=962.0, pattern_scale_drift=973.0)
     names = [Name(EFFECTS["radial_distortion"], {"radial_distortion": 1.0}, 0.038, seen=now)]
     search = SimpleNamespace(_names=names, _pixels=1000, _numbers=NUMBERS, _floor=lambda: 7.0, _effect=EFFECTS.get)
     weights = {"radial_distortion": 1.0, "pattern_scale_drift": 0.5}
 
-    def accept(fit):
+    def accept(fit, at_most=np.inf):
         effect = fit.effects[-1].id
+        if left[effect] is None:
+            assert at_most == pytest.approx(1.05 + 0.007)
+            raise GivenUp
         seen = SimpleNamespace(weight=np.full((2, 2), weights[effect]), picked=lambda: slice(None))
         search._rows = [SimpleNamespace(observation=seen, residual=np.full((2, 2), np.sqrt(1.0 + left[effect])))]
-        search._evidence, search.accepted = SimpleNamespace(train=[seen]), effect
+        search._evidence = SimpleNamespace(train=[seen], geometry=SimpleNamespace(left=1.05))
+        search.accepted = effect
         return True
 
+    whole = SimpleNamespace(picked=lambda: slice(None))
+    search._rows = [SimpleNamespace(observation=whole, residual=np.full((2, 2), 2.0))]  # before either is named
     search._accept, search._widen_set = accept, partial(Search._widen_set, search)
     Search._accept_last(search, now.fits)
     assert (names[0].id, len(names[0].members), search.accepted) == (named, members, named)

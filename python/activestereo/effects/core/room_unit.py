@@ -13,7 +13,7 @@ grid; correlation over the azimuth gives the gain of all pans."""
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from heapq import nlargest
 from itertools import chain
@@ -177,6 +177,8 @@ _COLUMNS, _ROWS = 384, 160
 _STEP_RAD = 2 * np.pi / _COLUMNS
 # Fourier waves around the circle. Dots of 0.8 degrees have no finer ones; the norm varies with the pattern's outline.
 _WAVES, _WAVES_OF_NORM, _COLUMNS_OF_NORM = 150, 24, 64
+# Tilts that are correlated together, over the rows that the pattern covers at them.
+_TILTS_TOGETHER = 24
 # Tilts of a standing unit, from nearly straight down to well above the horizon; the step is a dot's width.
 _TILTS_RAD = np.arange(-1.4, 0.4, 0.025)
 _REACH_RAD, _AT_ONCE = 1.6, 32
@@ -198,11 +200,7 @@ class SphereMatch:
             row, at, inside = pixels_of(ways @ axes(0.0, tilt, 0.0), K, pattern.shape)
             values = (pattern - pattern.mean())[np.where(inside, row, 0), np.where(inside, at, 0)]
             tilted[:, near] = np.where(inside, values, 0.0)
-        # [wave][row][tilt]
-        self._of_pattern, self._of_square = (
-            np.ascontiguousarray(np.conj(fft.rfft(x, axis=2)[..., :waves]).transpose(2, 1, 0))
-            for x, waves in ((drawn, _WAVES), (drawn**2, _WAVES_OF_NORM))
-        )
+        self._of_pattern, self._of_square = _spectra(drawn, _WAVES), _spectra(drawn**2, _WAVES_OF_NORM)
 
     def best(self, seen: SeenPoints, places: np.ndarray) -> list[tuple[float, np.ndarray]]:
         """Returns (decrease of chi squared, pose) for each place [n][3], at its best pan and tilt. Poses are (x, y, z,
@@ -212,11 +210,12 @@ class SphereMatch:
         places = places.astype(np.float32)
 
         def best_of(some: np.ndarray) -> list[tuple[float, np.ndarray]]:
-            gathered = np.empty((len(some), 2, _ROWS, _COLUMNS), np.float32)
-            for place, images in zip(some, gathered, strict=True):
+            gradient, curvature = (
+                np.empty((len(some), _ROWS, columns), np.float32) for columns in (_COLUMNS, _COLUMNS_OF_NORM)
+            )
+            for place, *images in zip(some, gradient, curvature, strict=True):
                 _gather(seen, place, images)
-            moment = _correlated(gathered[:, 0], self._of_pattern, _COLUMNS)
-            norm = _correlated(gathered[:, 1], self._of_square, _COLUMNS_OF_NORM)
+            moment, norm = _correlated(gradient, self._of_pattern), _correlated(curvature, self._of_square)
             norm = np.maximum(norm, 0.1 * norm.max(axis=(1, 2), keepdims=True) + np.float32(1e-30))
             gain = np.maximum(moment, 0.0, out=moment)
             gain *= gain
@@ -233,8 +232,8 @@ class SphereMatch:
             return list(chain(*pool.map(best_of, (places[k : k + _AT_ONCE] for k in range(0, len(places), _AT_ONCE)))))
 
 
-def _gather(seen: SeenPoints, place: np.ndarray, images: np.ndarray) -> None:
-    """Fills two images of directions from a place, [2][row][column]; rows are elevations, columns azimuths. They are
+def _gather(seen: SeenPoints, place: np.ndarray, images: Sequence[np.ndarray]) -> None:
+    """Fills two images of directions from a place, [row][column] each; rows are elevations, columns azimuths. They are
     the gradient and curvature of chi squared by the intensity that a source at the place sends in each direction.
     points and normals of `seen` are [3][n] here, in single precision: this takes a third of the time."""
     (x, y, z), normals = (axis - at for axis, at in zip(seen.points, place, strict=True)), seen.normals
@@ -247,19 +246,33 @@ def _gather(seen: SeenPoints, place: np.ndarray, images: np.ndarray) -> None:
     turn = np.arctan2(x, z) / np.float32(_STEP_RAD)
     column = np.minimum(np.where(turn < 0, turn + _COLUMNS, turn), _COLUMNS - 1).astype(np.int32)
     # Rows above the highest one go into a last one, which is dropped.
-    to = np.minimum(row, _ROWS) * _COLUMNS + column
+    row = np.minimum(row, _ROWS)
     for image, values in zip(images, lights.take(at, axis=1), strict=True):
-        image[:] = np.bincount(to, values, (_ROWS + 1) * _COLUMNS).reshape(-1, _COLUMNS)[:_ROWS]
+        columns = image.shape[1]
+        to = row * columns + column // (_COLUMNS // columns)
+        image[:] = np.bincount(to, values, (_ROWS + 1) * columns).reshape(-1, columns)[:_ROWS]
 
 
-def _correlated(gathered: np.ndarray, conjugate: np.ndarray, columns: int) -> np.ndarray:
-    """Correlates measured images of directions with the pattern, drawn at each tilt. Returns [place][tilt][pan], with
-    `columns` pans. gathered: [place][row][column]. conjugate: the drawn patterns' conjugate spectra
-    [wave][row][tilt]."""
-    waves = len(conjugate)
+def _spectra(drawn: np.ndarray, waves: int) -> list[tuple[slice, np.ndarray]]:
+    """Returns the conjugate spectra around the circle of images [tilt][row][column], in blocks of tilts: (the rows that
+    the block covers, [wave][row][tilt])."""
+    blocks = []
+    for first in range(0, len(drawn), _TILTS_TOGETHER):
+        some = drawn[first : first + _TILTS_TOGETHER]
+        covered = np.flatnonzero(some.any(axis=(0, 2)))
+        rows = slice(covered[0], covered[-1] + 1)
+        spectrum = np.conj(fft.rfft(some[:, rows], axis=2)[..., :waves])
+        blocks.append((rows, np.ascontiguousarray(spectrum.transpose(2, 1, 0))))
+    return blocks
+
+
+def _correlated(gathered: np.ndarray, conjugates: list[tuple[slice, np.ndarray]]) -> np.ndarray:
+    """Correlates measured images of directions [place][row][column] with the pattern, drawn at each tilt. Returns
+    [place][tilt][pan], with as many pans as columns. conjugates: _spectra() of the drawn patterns."""
+    columns, waves = gathered.shape[2], len(conjugates[0][1])
     of_gathered = np.ascontiguousarray(fft.rfft(gathered, axis=2)[..., :waves].transpose(2, 0, 1))
-    spectrum = (of_gathered @ conjugate).transpose(1, 2, 0)
-    return fft.irfft(spectrum, columns, axis=2) * np.float32(columns / _COLUMNS)
+    spectrum = np.concatenate([of_gathered[:, :, rows] @ block for rows, block in conjugates], axis=2)
+    return fft.irfft(spectrum.transpose(1, 2, 0), columns, axis=2) * np.float32(columns / _COLUMNS)
 
 
 _IMAGES, _COARSE_PIXELS, _FINE_PIXELS = 4, 10000, 20000
