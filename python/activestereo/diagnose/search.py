@@ -181,14 +181,15 @@ class Search:
         formulas = [n.effect for n in self._names if n.id in in_model]
         linear = freed(dictionary.linear, formulas, numbers.formula_error)
         tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
-        proposing = [e for e in self._effects if e.starts is not None and self._is_open(e)]
-        quick, late = ([e for e in proposing if e.starts_late == is_late] for is_late in (False, True))
         floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
         is_rough = self._structure > numbers.structure_kept
         lost = self._lost({e.family for e in formulas}, is_rough)
+        proposing = [e for e in self._effects if e.starts is not None and self._is_open(e)]
+        late = [e for e in proposing if e.starts_late and e.id not in lost]
         if self._names:
             again = {*lost, *(c.id for c in found.values() if _LINE_SHORT * c.gain > floor)}
-            found = self._found_again(linear, [*tried, *others], again, quick if is_rough else [])
+            at_once = [e for e in proposing if is_rough and e not in late]
+            found = self._found_again(linear, [*tried, *others], again, at_once)
         elif found:
             for text in own_ranks(found, self._chi2):
                 self._settings.says(text)
@@ -208,10 +209,9 @@ class Search:
         least = min((fit.chi2 for fit in fits.values()), default=self._chi2)
         leaves_much = least - self._pixels > _LEFT * (self._chi2 - self._pixels)
         if leaves_much and (is_rough or not self._names) and not self._is_full():
-            more = self._found_again(linear, [], set(), late)
-            found = dict(sorted((found | more).items(), key=lambda item: -item[1].evidence))
-            most = max((c.gain for c in found.values()), default=0.0)
-            fits |= self._fits({name: c for name, c in more.items() if c.gain > _NEAR * most}, {})
+            found |= self._found_again(linear, [], set(), late)
+            found = dict(sorted(found.items(), key=lambda item: -item[1].evidence))
+            fits = self._fits(found, lost)
         self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure, fits))
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, drawn_fit in fields.items():
