@@ -266,6 +266,8 @@ def test_a_place_shows_which_way_a_unit_there_points(images):
     (gain, pose), (beside, _) = match.best(seen, np.stack([UNIT[:3, 3], UNIT[:3, 3] + (0.2, 0.0, 0.0)]))
     np.testing.assert_allclose(pose[3:5], angles(UNIT[:3, 2]), atol=0.03)
     assert gain > 3 * beside
+    even = replace(chosen[0].view, pattern=np.ones_like(chosen[0].view.pattern))
+    assert SphereMatch(even, *room_unit.COARSE).best(seen, UNIT[None, :3, 3])[0][0] < 1e-3 * gain
 
 
 def test_the_pose_is_found_from_the_dots(images, monkeypatch):

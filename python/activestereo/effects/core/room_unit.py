@@ -260,7 +260,7 @@ def _spectra(drawn: np.ndarray, waves: int) -> list[tuple[slice, np.ndarray]]:
     for first in range(0, len(drawn), _TILTS_TOGETHER):
         some = drawn[first : first + _TILTS_TOGETHER]
         covered = np.flatnonzero(some.any(axis=(0, 2)))
-        rows = slice(covered[0], covered[-1] + 1)
+        rows = slice(covered[0], covered[-1] + 1) if covered.size else slice(0, 1)  # a pattern without dots
         spectrum = np.conj(fft.rfft(some[:, rows], axis=2)[..., :waves])
         blocks.append((rows, np.ascontiguousarray(spectrum.transpose(2, 1, 0))))
     return blocks
