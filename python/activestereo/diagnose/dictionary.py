@@ -21,7 +21,7 @@ from activestereo.diagnose.kept import FitCache, content_key, effect_content
 from activestereo.diagnose.linear import Columns, Linear, as_gathered
 from activestereo.diagnose.pixels import SCALES, AllPixels, exposed
 from activestereo.effects import Effect, Model, Parameter, Stage
-from activestereo.effects.core.descriptor import StartImage
+from activestereo.effects.core.descriptor import Channel, StartImage
 from activestereo.effects.core.model import scales
 
 # Amplitudes in typical values; parts of a short range, for effects that act near a threshold; the largest numbers of
@@ -73,10 +73,12 @@ class Dictionary:
 def first_dictionary(
     evidence: Evidence, model: Model, effects: Sequence[Effect], reach: float, memory: FitCache | None
 ) -> Dictionary:
-    """Returns a dictionary with columns of the effects' first_shapes() alone; their other trial shapes are in `others`.
-    reach: prior standard deviation of an amplitude, in typical values. memory: keeps the columns."""
+    """Returns a dictionary of the effects that change the expected images, but for those that start late. It has
+    columns of their first_shapes() alone; their other trial shapes are in `others`. reach: prior standard deviation of
+    an amplitude, in typical values. memory: keeps the columns."""
     linear = as_gathered(evidence, model, memory)
-    atoms = atoms_of(linear, effects, reach)
+    at_once = [e for e in effects if e.channel is Channel.EXPECTED_IMAGE and not e.starts_late]
+    atoms = atoms_of(linear, at_once, reach)
     first = first_shapes(atoms)
     others = [a for a in atoms if not any(a is tried for tried in first)]
     return Dictionary(linear, numbered(first), columns_of(linear, numbered(first)), others)

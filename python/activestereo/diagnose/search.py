@@ -119,9 +119,8 @@ class Search:
 
     def _dictionary(self) -> Dictionary:
         """Returns the dictionary of the effects that change the expected images, but for those that start late."""
-        images = [e for e in self._effects if e.channel is Channel.EXPECTED_IMAGE]
-        quick = [e for e in images if not e.starts_late]
-        first = first_dictionary(self._measured, self._given, quick, self._numbers.prior_reach, self._settings.memory)
+        reach, memory = self._numbers.prior_reach, self._settings.memory
+        first = first_dictionary(self._measured, self._given, self._effects, reach, memory)
         found = candidates(first.atoms, scores(first.linear, first.columns), self._pixels)
         least = _LEADS * max((c.gain for c in found.values()), default=0.0)
         return first.grown({name for name, c in found.items() if c.gain > least})
@@ -206,12 +205,12 @@ class Search:
         by_draws = self._chi2 * max((fit.explained for fit in fields.values()), default=0.0)
         is_over = self._is_full() or (max(by_line, by_draws) < floor and not (is_rough and lost))
         fits = {} if is_over else self._fits(found, lost)
-        least = min((fit.chi2 for fit in fits.values()), default=self._chi2)
-        leaves_much = least - self._pixels > _LEFT * (self._chi2 - self._pixels)
+        best_chi2 = min((fit.chi2 for fit in fits.values()), default=self._chi2)
+        leaves_much = best_chi2 - self._pixels > _LEFT * (self._chi2 - self._pixels)
         if leaves_much and (is_rough or not self._names) and not self._is_full():
-            found |= self._found_again(linear, [], set(), late)
-            found = dict(sorted(found.items(), key=lambda item: -item[1].evidence))
-            fits = self._fits(found, lost)
+            if more := self._found_again(linear, [], set(), late):
+                found = dict(sorted((found | more).items(), key=lambda item: -item[1].evidence))
+                fits = self._fits(found, lost)
         self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure, fits))
         left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
         for name, drawn_fit in fields.items():

@@ -22,7 +22,6 @@ from activestereo.diagnose.linear import Columns, Linear, Scores, score_alone, s
 from activestereo.diagnose.numbers import Numbers
 from activestereo.diagnose.pixels import SCALES
 from activestereo.effects import Effect, Model, builtin
-from activestereo.effects.core.descriptor import Channel
 from activestereo.effects.core.surfaces import SURFACES
 
 # A coefficient with less information than this stays 0.
@@ -111,8 +110,7 @@ def first_words(evidence: Evidence, model: Model, effects: Sequence[Effect], num
     memory: keeps the image changes, which the search scores again."""
     if all(np.ptp(o.measured) == 0 for o in evidence.train):
         return "the infrared images are blank"
-    images = [e for e in effects if e.channel is Channel.EXPECTED_IMAGE and not e.starts_late]
-    first = first_dictionary(evidence, model, images, numbers.prior_reach, memory)
+    first = first_dictionary(evidence, model, effects, numbers.prior_reach, memory)
     likely = list(candidates(first.atoms, scores(first.linear, first.columns), evidence.pixels))
     return f"looks like {', '.join(likely[:_FIRST_NAMES])}" if likely else "no effect of images fits"
 
