@@ -367,7 +367,7 @@ def _told(
     found = {name.id: parameters_of(outcome, name) for name in names}
     accepted = restore_functions(solution.model, candidates)
     for name in names if is_found else ():
-        if name.field is not None or name.id in outcome.noise:
+        if not name.in_model:
             accepted = accepted.with_effect(name.effect, **{key: v.value for key, v in found[name.id].items()})
     phases.begin(BOTH)
     if settings.with_test is not None:

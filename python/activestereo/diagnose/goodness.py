@@ -17,6 +17,7 @@ from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import laplace
+from scipy.special import chdtri
 
 from activestereo.common.normal_matrix import inverse_normal_matrix
 from activestereo.diagnose.evidence import TILE_PX
@@ -44,6 +45,13 @@ def design_effect(tile_chi2: np.ndarray, tile_pixels: np.ndarray) -> float:
     chi2, pixels = tile_chi2[full], tile_pixels[full]
     scale = max(chi2.sum() / pixels.sum(), 1e-12)
     return float(max(1.0, (chi2 / pixels).var() * pixels.mean() / (2.0 * scale**2)))
+
+
+def chance_chi2(fitter: Fitter, fit: Solution, left: float, parameters: int, probability: float) -> float:
+    """Returns the fall of chi2 that fitted parameters exceed by chance with this probability, for pixels that vary
+    together. left: chi2 of the fit."""
+    design = design_effect(fit.sums.tile_chi2, fitter.tile_pixels())
+    return design * left / fitter.pixels_used() * float(chdtri(parameters, probability))
 
 
 def occam_nats(fitter: Fitter, solution: Solution, effect: Effect, design: float) -> float:

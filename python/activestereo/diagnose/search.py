@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtri
 
 from activestereo.capture.capture import SIDES, ImageKey
 from activestereo.diagnose.credible_set import members_of, parted
@@ -22,10 +22,10 @@ from activestereo.diagnose.fields import FieldFit, fields_of, has_extended_draws
 from activestereo.diagnose.fitter import RIG_AMPLITUDES, Fitter, ImageResidual, ParameterSpace, Solution
 from activestereo.diagnose.gather import weighed_again
 from activestereo.diagnose.geometry_search import GivenUp
-from activestereo.diagnose.goodness import design_effect, local_structure, mean_square
+from activestereo.diagnose.goodness import chance_chi2, local_structure, mean_square
 from activestereo.diagnose.linear import Linear, fitted_model, linearised, scored, scores, some_pixels
 from activestereo.diagnose.noise import NoiseTerm, comb_in, noise_terms
-from activestereo.diagnose.outcome import Name, Outcome, Round, takes_any_light
+from activestereo.diagnose.outcome import Name, Outcome, Round, strain, takes_any_light
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.refit import (
     SETTLING,
@@ -50,7 +50,7 @@ from activestereo.diagnose.selection import (
 from activestereo.diagnose.settings import Settings
 from activestereo.diagnose.verdict import Remainder
 from activestereo.effects import Effect, Model, Stage
-from activestereo.effects.core.descriptor import GEOMETRY_FAMILIES, Channel
+from activestereo.effects.core.descriptor import Channel
 
 # At most _FITTED effects are fitted, if they score more than _NEAR times the best score. If no fit gains _VAIN times
 # its score, the next ones that score the needed gain are fitted. A fit gains at most _LINE_SHORT times its score. If
@@ -107,8 +107,9 @@ class Search:
         explained = (self._first.sums.total - self._solution.sums.total) / self._pixels
         drawn = sum(n.gain for n in self._names if n.field is not None)
         left = self._excess - sum(n.field.unforeseen for n in self._names if n.field is not None)
-        parts = explained + drawn, left, self._structure, self._structure_before, self._strain(), drawn
-        in_images = sum(n.seen is not None and n.field is None for n in self._names)
+        strained = strain(self._names, self._evidence, self._fitter, self._first, self._solution, self._numbers)
+        parts = explained + drawn, left, self._structure, self._structure_before, strained, drawn
+        in_images = sum(n.in_model for n in self._names)
         missed = {n.id: max(self._floor() / self._pixels, n.missed * n.gain) for n in self._names}
         is_full = self._is_full() or takes_any_light(self._names)
         rest = Remainder(*parts, names=in_images, is_full=is_full, by_frame=other_law(dictionary.linear, missed))
@@ -143,26 +144,10 @@ class Search:
         fitted noise term}, {effect: why it was not judged})."""
         effects = [e for e in self._effects if e.channel is Channel.NOISE_MODEL]
         terms, unjudged = noise_terms(self._measured, self._given, effects, self._numbers)
-        chance = np.log(len(self._effects) / self._numbers.alpha)
         for term in terms.values():
-            if term.nats > chance and term.share > _NOISE_SHARE:
+            if term.nats > np.log(len(self._effects) / self._numbers.alpha) and term.share > _NOISE_SHARE:
                 self._names.append(Name(term.effect, {term.effect.id: 1.0}, 0.0))
         return terms, unjudged
-
-    def _strain(self) -> float:
-        """Returns the largest change of a pose, focal length or albedo by the named effects, in stated deviations.
-        Air and surface effects change the meaning of an albedo. Beside an effect of geometry the rig's whole correction
-        counts, by its probability: together they may imitate an unknown motion of the pattern. If no effect is named,
-        it is the second largest deviation of an albedo, since one albedo may be measured wrong."""
-        numbers, fitter, of_rig = self._numbers, self._fitter, 0.0
-        if not self._names:
-            return fitter.albedo_sigmas(self._solution, self._evidence.capture.uncertainty.albedo, farthest=2)
-        if any(n.effect.family in GEOMETRY_FAMILIES for n in self._names):
-            as_unlikely = float(chdtri(RIG_AMPLITUDES, chdtrc(1, numbers.strain**2)))
-            of_rig = numbers.strain * fitter.rig_penalty(self._solution) / as_unlikely
-        if any(Stage.MEDIUM <= n.effect.stage <= Stage.SURFACE for n in self._names):
-            return of_rig
-        return max(of_rig, fitter.prior_sigmas(self._solution, self._first))
 
     def _use_evidence(self, evidence: Evidence) -> None:
         """Replaces the evidence and makes new fitters: _whole of all train pixels, _fitter of a random part of them,
@@ -176,32 +161,51 @@ class Search:
     def _name_one(self, dictionary: Dictionary) -> bool:
         """Runs one round: names the likeliest missing effect if its gain is large enough. Returns whether it did.
         dictionary: at the present fit."""
-        numbers, in_model = self._numbers, {effect.id for effect, _ in self._solution.model.effects}
-        formulas = [n.effect for n in self._names if n.id in in_model]
-        linear = freed(dictionary.linear, formulas, numbers.formula_error)
+        formulas = [n.effect for n in self._names if n.in_model]
+        linear = freed(dictionary.linear, formulas, self._numbers.formula_error)
         tried, others = ([a for a in some if self._is_open(a.effect)] for some in (dictionary.atoms, dictionary.others))
-        floor, found = self._floor(), candidates(tried, scores(linear, dictionary.columns), self._pixels)
-        is_rough = self._structure > numbers.structure_kept
-        lost = self._lost({e.family for e in formulas}, is_rough)
+        found = candidates(tried, scores(linear, dictionary.columns), self._pixels)
+        lost = self._lost({e.family for e in formulas})
+        self._rounds.append(now := self._tried(linear, found, lost, [*tried, *others]))
+        left = {} if self._is_full() else self._left(linear, now)
+        if not left:
+            return False
+        rivals = self._rivals(left, now.fields)
+        members = members_of(rivals, now.fits, self._effects, self._fitter, self._solution, self._numbers)
+        name = next(iter(members))
+        gain, effect, refit = self._chi2 - left[name], self._effect(name), now.fits.get(name)
+        fit = self._solution if refit is None else refit.solution
+        by_chance = self._numbers.alpha / max(len(tried) + len(others), 1)  # of all shapes
+        chance = chance_chi2(self._fitter, fit, left[name], len(effect.parameters), by_chance)
+        now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
+        if gain < max(self._floor(), chance):
+            return False
+        missed = missed_share(effect, refit is None or refit.rendered, self._numbers.formula_error)
+        field = now.fields[name] if refit is None else None
+        self._names.append(named := Name(effect, members, gain / self._pixels, missed, field, now))
+        if field is not None:
+            self._take_draws(named, self._rows, field)
+        else:
+            self._accept_last(now.fits)
+            self._draw_again()
+        return True
+
+    def _tried(
+        self, linear: Linear, found: dict[str, Candidate], lost: Mapping[str, Candidate], atoms: Sequence[Atom]
+    ) -> Round:
+        """Fits the likeliest effects and random fields beside the present model, and returns them as a Round. found:
+        the candidates by their scores. lost: others to fit. atoms: trial shapes of all effects that may be named."""
+        floor, is_rough = self._floor(), self._structure > self._numbers.structure_kept
         proposing = [e for e in self._effects if e.starts is not None and self._is_open(e)]
         late = [e for e in proposing if e.starts_late and e.id not in lost]
         if self._names:
             again = {*lost, *(c.id for c in found.values() if _LINE_SHORT * c.gain > floor)}
-            at_once = [e for e in proposing if is_rough and e not in late]
-            found = self._found_again(linear, [*tried, *others], again, at_once)
+            found = self._found_again(linear, atoms, again, [e for e in proposing if is_rough and e not in late])
         elif found:
             for text in own_ranks(found, self._chi2):
                 self._settings.says(text)
         by_line = _LINE_SHORT * max((c.gain for c in found.values()), default=0.0)
-        fields: dict[str, FieldFit] = {}
-        if by_line < _CLEAR * floor or self._names:
-            unnamed, black_dn = filter(self._is_open, self._effects), float(self._solution.phi[SCALES - 1])
-            fields = fields_of(unnamed, self._rows, black_dn, numbers, _MINOR * floor / self._chi2)
-        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
-        # images of one camera share. Outliers stand above it.
-        drawn = sum(n.gain for n in self._names if n.field is not None) * len(SIDES) / len(self._evidence.train)
-        least = drawn * self._pixels / self._chi2
-        fields = {n: fit for n, fit in fields.items() if fit.explained > least or is_sparse(self._effect(n))}
+        fields = self._fields(by_line)
         by_draws = self._chi2 * max((fit.explained for fit in fields.values()), default=0.0)
         is_over = self._is_full() or (max(by_line, by_draws) < floor and not (is_rough and lost))
         fits = {} if is_over else self._fits(found, lost)
@@ -211,47 +215,47 @@ class Search:
             if more := self._found_again(linear, [], set(), late):
                 found = dict(sorted((found | more).items(), key=lambda item: -item[1].evidence))
                 fits = self._fits(found, lost)
-        self._rounds.append(now := Round(found, fields, self._chi2, floor / self._chi2, self._structure, fits))
-        left = {name: fit.chi2 for name, fit in fits.items() if self._is_another(linear, fit)}
-        for name, drawn_fit in fields.items():
-            # Draws leave no structure, unless neighbouring pixels share them.
-            may_be = self._structure < numbers.structure or has_extended_draws(self._effect(name))
-            if may_be and self._chi2 * drawn_fit.explained > self._missed([n.missed for n in self._names]):
-                left[name] = self._chi2 * (1.0 - drawn_fit.explained)
-        if self._is_full() or not left:
-            return False
-        best = min(left, key=lambda name: left[name])
-        if best in fields:
-            least = max(floor, numbers.formula_error * (self._chi2 - left[best]))
-            first = (n for n in left if n in fields and imitates(self._effect(best), self._effect(n)))
-            left = {n: left[n] for n in first if self._chi2 - left[n] > least} or left
-        members = members_of(left, fits, self._effects, self._fitter, self._solution, numbers)
-        name = next(iter(members))
-        gain, effect = self._chi2 - left[name], self._effect(name)
-        # The largest chi2 of all shapes by chance, for pixels that vary together.
-        tile_chi2 = (fits[name].solution if name in fits else self._solution).sums.tile_chi2
-        noise = design_effect(tile_chi2, self._fitter.tile_pixels()) * left[name] / self._pixels
-        chance = noise * float(chdtri(len(effect.parameters), numbers.alpha / max(len(tried) + len(others), 1)))
-        now = self._rounds[-1] = replace(now, members=members, gain=gain / self._chi2, chance=chance / self._chi2)
-        if gain < max(floor, chance):
-            return False
-        is_exact = name not in fits or fits[name].rendered
-        missed = missed_share(effect, is_exact, numbers.formula_error)
-        field = None if name in fits else fields[name]
-        named = Name(effect, members, gain / self._pixels, missed, field, now)
-        self._names.append(named)
-        if named.field is not None:
-            self._take_draws(named, self._rows, named.field)
-            return True
-        self._accept_last(fits)
-        self._draw_again()
-        return True
+        return Round(found, fields, self._chi2, floor / self._chi2, self._structure, fits)
 
-    def _lost(self, families: set[str], is_rough: bool) -> dict[str, Candidate]:
+    def _fields(self, by_line: float) -> dict[str, FieldFit]:
+        """Fits random fields to the residual; returns those that explain enough, {effect: FieldFit}. by_line: the fall
+        of chi2 that a fit of another effect may reach."""
+        floor, drawn = self._floor(), sum(n.gain for n in self._names if n.field is not None)
+        if by_line >= _CLEAR * floor and not self._names:
+            return {}
+        unnamed, black_dn = filter(self._is_open, self._effects), self._solution.nuisances.black_dn
+        fields = fields_of(unnamed, self._rows, black_dn, self._numbers, _MINOR * floor / self._chi2)
+        # Beside other fields a field has to gain more: predictions of their draws hold the noise of all images, which
+        # images of one camera share. Outliers stand above it.
+        least = drawn * len(SIDES) / len(self._evidence.train) * self._pixels / self._chi2
+        return {n: fit for n, fit in fields.items() if fit.explained > least or is_sparse(self._effect(n))}
+
+    def _left(self, linear: Linear, now: Round) -> dict[str, float]:
+        """Returns {effect: chi2} of a round's fits and fields that explain more than named effects' formulas missed."""
+        left = {name: fit.chi2 for name, fit in now.fits.items() if self._is_another(linear, fit)}
+        for name, field in now.fields.items():
+            # Draws leave no structure, unless neighbouring pixels share them.
+            may_be = self._structure < self._numbers.structure or has_extended_draws(self._effect(name))
+            if may_be and self._chi2 * field.explained > self._missed([n.missed for n in self._names]):
+                left[name] = self._chi2 * (1.0 - field.explained)
+        return left
+
+    def _rivals(self, left: Mapping[str, float], fields: Mapping[str, FieldFit]) -> dict[str, float]:
+        """Returns the part of `left` among which probabilities decide: effects with much of the best gain, so that few
+        parameters do not outweigh a far better fit. Fields that the best field imitates come before it."""
+        best = min(left, key=lambda name: left[name])
+        gain = self._chi2 - left[best]
+        if best in fields:
+            least = max(self._floor(), self._numbers.formula_error * gain)
+            first = {n: left[n] for n in left if n in fields and imitates(self._effect(best), self._effect(n))}
+            return {n: chi2 for n, chi2 in first.items() if self._chi2 - chi2 > least} or dict(left)
+        return {n: chi2 for n, chi2 in left.items() if self._chi2 - chi2 > _NEAR_SWAP * gain}
+
+    def _lost(self, families: set[str]) -> dict[str, Candidate]:
         """Returns the candidates to fit beside the last name, {effect: Candidate}: those of its family that were fitted
-        with it, or that is_rough asks for, and all that fitted nearly as well. Scores are linear: two that move the
-        same frames far, such as shutters, score little beside each other. is_rough: whether structure is left."""
-        found: dict[str, Candidate] = {}
+        with it, or that left structure asks for, and all that fitted nearly as well. Scores are linear: two that move
+        the same frames far, such as shutters, score little beside each other."""
+        found, is_rough = dict[str, Candidate](), self._structure > self._numbers.structure_kept
         for r in self._rounds[-1:]:
             close = {name for name, fit in r.fits.items() if 1.0 - fit.chi2 / r.chi2 > _NEAR_SWAP * r.gain > 0.0}
             for name, c in r.candidates.items():
@@ -298,8 +302,7 @@ class Search:
         for name in [n for n in self._names if n.field is not None]:
             drawn, at = self._draws[name.id], self._names.index(name)
             rows = [row._replace(residual=row.residual + drawn[row.observation.key]) for row in self._rows]
-            black_dn = float(self._solution.phi[SCALES - 1])
-            field = fields_of([name.effect], rows, black_dn, self._numbers).get(name.id)
+            field = fields_of([name.effect], rows, self._solution.nuisances.black_dn, self._numbers).get(name.id)
             self._take_draws(name, rows, field)
             if field is None:
                 del self._names[at]
@@ -311,7 +314,7 @@ class Search:
     def _widen_last_set(self, dictionary: Dictionary) -> None:
         """Adds effects that can imitate a part of the last named effect's image change to its set (stand_ins())."""
         name = self._names[-1] if self._names else None
-        if name is None or name.id not in {effect.id for effect, _ in self._solution.model.effects}:
+        if name is None or not name.in_model:
             return
         linear, columns = dictionary.linear, dictionary.columns
         kin = [a for a in dictionary.atoms if a.effect.family == name.effect.family and a.effect.id not in name.members]
@@ -323,8 +326,7 @@ class Search:
     def _widen_set_of_inexact(self) -> None:
         """Widens the set of the named effect whose formula error may explain the most chi2. It adds effects that gained
         enough in the last round to be named, but no more than this error."""
-        in_model = {effect.id for effect, _ in self._solution.model.effects}
-        inexact = max((n for n in self._names if n.id in in_model), key=lambda n: n.gain * n.missed, default=None)
+        inexact = max((n for n in self._names if n.in_model), key=lambda n: n.gain * n.missed, default=None)
         fits = self._rounds[-1].fits
         least = self._chi2 - self._floor()
         left = {id: fit.chi2 for id, fit in fits.items() if fit.chi2 < least and self._is_open(self._effect(id))}
@@ -385,8 +387,7 @@ class Search:
                 self._first, fit = (replace(f, phi=np.append(f.phi[:SCALES], phi0[SCALES:])) for f in both)
                 fit = self._fitter.refine(fit.space, fit.theta, fit.phi, *SETTLING)
         self._use_evidence(evidence)
-        black_dn = float(fit.phi[SCALES - 1])
-        self._use_evidence(weighed_again(evidence, fit.model, black_dn, self._whole.residuals(fit)))
+        self._use_evidence(weighed_again(evidence, fit.model, fit.nuisances.black_dn, self._whole.residuals(fit)))
         self._fit_again(refit_at_peaks(self._fitter, fit))
         self._less_rounding()
         return evidence is not before
@@ -396,9 +397,9 @@ class Search:
         images. Frames of one view share this error, so it would look like an effect of light."""
         if self._comb is None:
             return
-        noise, of_pixels, rounded = self._evidence.noise_model, self._evidence.capture.binning**2, {}
-        for o, expected, *_ in self._rows:
-            rounded[o.key] = self._comb.mean_error(expected, of_pixels * noise.variance(expected, o.frame.gain))
+        noise, of_pixels = self._evidence.noise_model, self._evidence.capture.binning**2
+        variances = ((o.key, x, of_pixels * noise.variance(x, o.frame.gain)) for o, x, *_ in self._rows)
+        rounded = {key: self._comb.mean_error(x, variance) for key, x, variance in variances}
         more = {key: image - self._rounded.get(key, 0.0) for key, image in rounded.items()}
         self._rounded = rounded
         self._take_off(more)
@@ -479,7 +480,7 @@ class Search:
     def _drop_needless(self) -> None:
         """Drops named effects, weakest first, if chi2 hardly rises without them. Random fields and temporal noise are
         never dropped."""
-        for name in sorted((n for n in self._names if n.field is None and n.seen is not None), key=lambda n: n.gain):
+        for name in sorted((n for n in self._names if n.in_model), key=lambda n: n.gain):
             without = self._without(name.id)
             if without.sums.total - self._chi2 < self._floor(has_share=False):
                 self._names.remove(name)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from activestereo.diagnose.credible_set import credible, parted
+from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.outcome import Name
 from activestereo.diagnose.search import Search
 from activestereo.effects import Model, builtin
@@ -35,7 +36,21 @@ def test_the_search_ends_with_sets_apart():
     search = SimpleNamespace(
         _names=names, _dictionary=no, _moved=lambda _: found, _floor=no, _name_one=no,
         _name_in_place_of_rig=no, _widen_set_of_inexact=no,
-        _first=fit, _solution=fit, _pixels=10, _excess=0.0, _structure=0.0, _structure_before=0.0, _strain=no,
-        _is_full=no, _evidence=None, _fitter=None, _rows=[], _noise={}, _unjudged={}, _rounds=[],
+        _first=fit, _solution=fit, _pixels=10, _excess=0.0, _structure=0.0, _structure_before=0.0, _numbers=NUMBERS,
+        _is_full=no, _evidence=None, _fitter=SimpleNamespace(prior_sigmas=no), _rows=[], _noise={}, _unjudged={},
+        _rounds=[],
     )  # fmt: skip
     assert [list(name.members) for name in Search.run(search).names] == [["vignetting"], ["prnu"]]
+
+
+@pytest.mark.parametrize(
+    ("left", "rivals"),
+    [
+        ({"room_projector": 110.0, "external_light": 244.0}, ["room_projector"]),  # of 300: gains of 190 and 56
+        ({"room_projector": 110.0, "external_light": 170.0}, ["room_projector", "external_light"]),
+        ({"prnu": 200.0, "external_light": 250.0}, ["prnu", "external_light"]),  # a field predicts a part of its draws
+    ],
+)
+def test_few_parameters_do_not_outweigh_a_far_better_fit(left, rivals):
+    search = SimpleNamespace(_chi2=300.0, _floor=lambda: 2.0, _numbers=NUMBERS, _effect=EFFECTS.get)
+    assert list(Search._rivals(search, left, {"prnu": None})) == rivals

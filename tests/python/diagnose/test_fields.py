@@ -11,7 +11,6 @@ from activestereo.diagnose.fitter import ImageResidual
 from activestereo.diagnose.goodness import local_structure
 from activestereo.diagnose.numbers import NUMBERS
 from activestereo.diagnose.outcome import Name
-from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.search import Search
 from activestereo.effects import builtin
 
@@ -74,7 +73,7 @@ def drawn_again(effect, rows, drawn):
         _names=[Name(effect, {effect.id: 1.0}, 1.0, field=object())],
         _draws={effect.id: drawn},
         _rows=[row._replace(residual=row.residual - drawn[row.observation.key]) for row in rows],
-        _solution=SimpleNamespace(phi=np.zeros(SCALES)),
+        _solution=SimpleNamespace(nuisances=SimpleNamespace(black_dn=0.0)),
         _numbers=NUMBERS,
         _needless=set(),
         _chi2=1.0,

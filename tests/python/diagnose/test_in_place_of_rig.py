@@ -10,6 +10,7 @@ from activestereo.diagnose.dictionary import Atom
 from activestereo.diagnose.evidence import NuisancePrior
 from activestereo.diagnose.fitter import Fitter
 from activestereo.diagnose.numbers import NUMBERS
+from activestereo.diagnose.outcome import strain
 from activestereo.diagnose.pixels import SCALES
 from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import most_like_rig
@@ -67,7 +68,7 @@ def test_the_effect_most_like_a_rigs_correction_has_the_size_of_its_image_change
 
 
 @pytest.mark.parametrize(
-    ("names", "penalty", "strain"),
+    ("names", "penalty", "expected"),
     [
         (["imager_tilt"], 98.7, 12.0),  # a sheared pattern: the search finds another rig and a tilted imager
         (["subsurface", "pattern_scale_drift"], 98.7, 12.0),
@@ -77,11 +78,10 @@ def test_the_effect_most_like_a_rigs_correction_has_the_size_of_its_image_change
         (["subsurface"], 98.7, 0.0),
     ],
 )
-def test_a_name_of_geometry_beside_an_improbable_rig_is_not_sure(names, penalty, strain):
+def test_a_name_of_geometry_beside_an_improbable_rig_is_not_sure(names, penalty, expected):
     fitter = SimpleNamespace(rig_penalty=lambda _: penalty, prior_sigmas=lambda *_: 1.5)
     named = [SimpleNamespace(effect=EFFECTS[id]) for id in names]
-    search = SimpleNamespace(_names=named, _numbers=NUMBERS, _fitter=fitter, _solution=None, _first=None)
-    assert Search._strain(search) == pytest.approx(strain, abs=0.05)
+    assert strain(named, None, fitter, None, None, NUMBERS) == pytest.approx(expected, abs=0.05)
 
 
 def test_a_rigs_penalty_counts_focal_lengths_and_the_projector_and_neither_albedos_nor_views():

@@ -75,7 +75,7 @@ def test_what_a_name_cannot_be_told_from_has_the_figures_of_its_own_round():
 def test_an_effect_that_may_hide_in_what_a_formula_misses_joins_its_set(monkeypatch):
     """A second fault of .01 of the noise is less than the formula of the first may have missed, of .3."""
     first, other = EFFECTS["principal_point_offset"], EFFECTS["prnu"]
-    names = [Name(first, {first.id: 1.0}, 0.3, 0.07), Name(other, {other.id: 1.0}, 0.5, field=object())]
+    names = [Name(first, {first.id: 1.0}, 0.3, 0.07, seen=object()), Name(other, {other.id: 1.0}, 0.5, field=object())]
     search = SimpleNamespace(
         _names=names,
         _rounds=[round_of(1000.0, baseline_drift=990.0, gain_error=999.0)],
