@@ -42,8 +42,8 @@ _Images = Mapping[ImageKey, np.ndarray]
 _NODES, _CURVE_STEPS = 10, 4
 # Fits take a few steps on few images from the best start, and from a second one with this part of its gain, unless the
 # first leaves next to nothing. Then fits within this part of the best gain take more steps on all images, until chi2
-# hardly falls; the others are only measured there.
-_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _TOLERANCE = 2, 0.6, 0.05, 6, 0.5, 1e-3
+# hardly falls; the others are only measured there. Where the best one leaves next to nothing, they have to be as good.
+_STEPS, _RIVAL, _NOTHING, _MORE, _CLOSE, _AS_GOOD, _TOLERANCE = 2, 0.6, 0.05, 6, 0.5, 0.9, 1e-3
 # Steps of a fit with a newly named effect, and the share of chi2 by whose fall it stops; the same from narrow peaks.
 SETTLING, _PEAK = (8, 1e-4), (3, 2e-5)
 # An effect whose formula was never measured may miss this share of its squared signature.
@@ -273,10 +273,12 @@ def refits(
     first = _side_by_side(scored, fit, spaces)
     gains = {name: base_of_few - f.chi2 for name, f in first.items()}
     most_of_few = max(gains.values(), default=0.0)
+    is_all = base_of_few - most_of_few - scored.pixels_used() < _NOTHING * most_of_few
+    least_of_few = most_of_few * (_AS_GOOD if is_all else _CLOSE)
 
     def settled(space: ParameterSpace) -> Solution:
         name = _name(space)
-        is_close = gains[name] >= _CLOSE * most_of_few or most_of_few < 0.0
+        is_close = gains[name] >= least_of_few or most_of_few < 0.0
         s = first[name].solution
         return fitter.refine(space, s.theta, s.phi, _MORE if is_close else 0, _TOLERANCE)
 

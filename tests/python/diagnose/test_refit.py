@@ -119,6 +119,25 @@ def test_fits_that_are_all_worse_than_none_take_more_steps(clean, monkeypatch):
     assert found["vignetting"].chi2 < 0.5 * base.sums.total
 
 
+@pytest.mark.parametrize(("noise", "steps"), [(100.0, [6, 0]), (40.0, [6, 6])])
+def test_a_rival_takes_no_more_steps_beside_a_fit_that_leaves_noise_alone(monkeypatch, noise, steps):
+    """Both fits leave some of 1000 on few images, 110 and 300 of it."""
+    chi2 = {"vignetting": 110.0, "veiling_glare": 300.0}
+    model = Model().with_effect
+    fits = {
+        id: SimpleNamespace(sums=SimpleNamespace(total=c), theta=id, phi=None, model=model(builtin()[id]))
+        for id, c in chi2.items()
+    }
+    monkeypatch.setattr(refit, "_from_starts", lambda fitter, space, *_: fits[space.pairs[-1][0].id])
+    few = SimpleNamespace(nuisance_fit=lambda *_: (None, 1000.0), pixels_used=lambda: noise, memory=None)
+    taken = []
+    every = SimpleNamespace(memory=None, refine=lambda _, id, __, steps, ___: taken.append(steps) or fits[id])
+    chosen = [SimpleNamespace(id=id, best=SimpleNamespace(atom=SimpleNamespace(effect=builtin()[id]))) for id in chi2]
+    near = SimpleNamespace(model=Model(), phi=None, sums=SimpleNamespace(total=1000.0))
+    refit.refits(every, few, near, chosen, None)
+    assert taken == steps
+
+
 def test_an_amplitude_that_acts_by_its_square_does_not_hold_a_fit_up(clean):
     """A blur has no slope at neutral. A step as far as such a slope foretells would spoil the other amplitude's."""
     evidence = seen(clean, lambda image, view: gaussian_filter(image, 0.5, mode="nearest"))
