@@ -138,6 +138,50 @@ def test_names_without_numbers_of_their_own_are_paired_as_they_are(recording, tm
     assert "has no right image" in refused(_arguments(folder, "--out", str(tmp_path / "other")), capsys)
 
 
+_START_MS = 1700000000123
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [
+        ("ir_left_{ms}", "ir_right_{later}"),
+        ("{ms}_ir1", "{later}_ir2"),
+        ("left/infrared_{ms}", "right/infrared_{later}"),
+        ("left_{s:.6f}", "right_{s:.6f}"),
+        ("left_{ms}456", "right_{later}456"),
+        ("left_{ms}456789", "right_{later}456789"),
+    ],
+)
+def test_times_since_1970_in_names_are_taken_in_their_unit(recording, tmp_path, left, right):
+    """One right image is lost: its left one is no frame, and gets no neighbour's."""
+    for number in range(4):
+        ms = _START_MS + 2000 * number
+        for value, name in ((10 * number, left), (10 * number + 1, right)):
+            file = tmp_path / "times" / f"{name.format(ms=ms, later=ms + 2, s=1e-3 * ms)}.png"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            if value != 11:
+                write_gray(file, np.full((48, 64), value, np.uint8))
+    assert main(_arguments(tmp_path / "times")) == 0
+    capture = read_capture(tmp_path / "capture")
+    assert [capture.ir(f, "left")[0, 0] for f in capture.frames] == [0, 20, 30]
+    assert [capture.ir(f, "right")[0, 0] for f in capture.frames] == [1, 21, 31]
+    times_s = [1e-3 * (_START_MS + after_ms) for after_ms in (0, 4000, 6000)]
+    assert [f.timestamp_s for f in capture.frames] == pytest.approx(times_s, abs=1e-3, rel=0)
+
+
+@pytest.mark.parametrize("form", ["20260101_1200{}_{:06d}_{}", "{2}-12-00-{0}-{1:06d}", "202601011200{}{:06d}{}"])
+def test_dates_in_names_order_frames_beyond_the_second(recording, tmp_path, form):
+    folder = tmp_path / "dates"
+    folder.mkdir()
+    for number, (second, us) in enumerate((("00", 933000), ("00", 966000), ("01", 123), ("02", 33000))):
+        for value, side in ((10 * number, "left"), (10 * number + 1, "right")):
+            write_gray(folder / f"{form.format(second, us, side)}.png", np.full((48, 64), value, np.uint8))
+    assert main(_arguments(folder)) == 0
+    capture = read_capture(tmp_path / "capture")
+    assert [capture.ir(f, "left")[0, 0] for f in capture.frames] == [0, 10, 20, 30]
+    assert [capture.ir(f, "right")[0, 0] for f in capture.frames] == [1, 11, 21, 31]
+
+
 def test_what_is_wrong_is_told_with_file_key_and_value(recording, tmp_path, capsys):
     def said(*more):
         line = refused(_arguments(recording, "--depth-scale", "0.001", *more), capsys)

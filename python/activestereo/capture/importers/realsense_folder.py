@@ -2,9 +2,9 @@
 """Imports a folder of PNG files as a capture: infrared pairs, 16-bit depth if there is any, and colour.
 
 A word anywhere in a file's name gives its stream: "Infrared 1" or left, "Infrared 2" or right, Depth, Color. The last
-number in the name is the timestamp in milliseconds or the frame's number. This covers the names of rs-convert and of
-the viewer, and left/000001.png beside right/000001.png. Without such numbers, names of a frame differ only in the
-stream's word: left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
+number beside it is the time in milliseconds, or since 1970 in s, ms, us or ns, or the frame's number. This covers the
+names of rs-convert and of the viewer, and left/000001.png beside right/000001.png. Without such numbers, names of a
+frame differ only in the stream's word: left/desk.png beside right/desk.png, desk_left.png beside desk_right.png."""
 
 import re
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.progress_bar import Progress, silent
 
 _STREAMS = {
-    "left": re.compile(r"infra(?:red)?[ _-]?1|left|ir1", re.I),
-    "right": re.compile(r"infra(?:red)?[ _-]?2|right|ir2", re.I),
+    "left": re.compile(r"infra(?:red)?(?:1|[ _-]1(?!\d))|left|ir1", re.I),  # infrared_1700000000123 is of either
+    "right": re.compile(r"infra(?:red)?(?:2|[ _-]2(?!\d))|right|ir2", re.I),
     "depth": re.compile(r"depth", re.I),
     "color": re.compile(r"color|colour|rgb", re.I),
 }
@@ -30,12 +30,13 @@ _NAMES = {"left": "Infrared 1", "right": "Infrared 2"}
 # Folders of frames that were taken with the projector off.
 _OFF = re.compile(r"(?:^|[ _-])off(?:$|[ _-])", re.I)
 _BETWEEN_WORDS = re.compile(r"[ _-]+")
-_LAST_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?!.*\d)")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
 # Streams of one frame differ by less than this, milliseconds.
 SAME_FRAME_MS = 8.0
 DEPTH_SCALE_M = 0.001  # of librealsense, unless the device was set otherwise
-# Numbers in names above this are times, milliseconds; those below count frames.
-LEAST_TIME_MS = 1e6
+# Numbers in names between these are times, milliseconds; others count frames, or are dates of 14 digits or more.
+LEAST_TIME_MS, _MOST_TIME_MS = 1e6, 1e13
+_LEAST_DATE_MS = 1e12  # times since 1970 lie above it, in the year 2001
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,8 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
         name = file.relative_to(folder).as_posix()
         stream = next((s for s, pattern in streams.items() if pattern.search(name)), None)
         if stream is not None:
-            found = _LAST_NUMBER.search(file.stem)
-            by_stream[stream].append((None if found is None else float(found[1]), file))
+            numbers = _NUMBER.findall(streams[stream].sub("", file.stem))
+            by_stream[stream].append((_in_ms(float(numbers[-1])) if numbers else None, file))
     for stream in ("left", "right"):
         if not by_stream[stream]:
             raise ValueError(
@@ -126,19 +127,36 @@ def _view_files(folder: Path, streams: dict[str, re.Pattern[str]]) -> list[Frame
     if any(None in own or len(set(own)) < len(own) for own in numbers):
         return _join_by_name(folder, by_stream, streams)
     numbered = {stream: [(number or 0.0, file) for number, file in files] for stream, files in by_stream.items()}
-    frames = []
-    for time_ms, left in sorted(numbered["left"]):
-        files = {"left": left}
+    frames = list[FrameFiles]()
+    for time_ms, left in sorted(numbered["left"], key=_place_in_order):
+        files, is_time = {"left": left}, LEAST_TIME_MS < time_ms < _MOST_TIME_MS
         for stream in ("right", "depth", "color"):
             number, file = min(numbered[stream], key=lambda item: abs(item[0] - time_ms), default=(np.inf, left))
-            is_time = time_ms > LEAST_TIME_MS
             if number == time_ms or (is_time and abs(number - time_ms) < SAME_FRAME_MS):
                 files[stream] = file
         if "right" in files:
-            frames.append(FrameFiles(time_ms, files))
+            frames.append(FrameFiles(time_ms if time_ms < _MOST_TIME_MS else float(len(frames)), files))
     if not frames:
-        raise ValueError(f"{folder}: no left and right image have the same time or number in their names")
+        told = f"the same number, or times less than {SAME_FRAME_MS:g} ms apart, in their names"
+        raise ValueError(f"{folder}: no left and right image have {told}")
     return frames
+
+
+def _in_ms(number: float) -> float:
+    """Returns a time since 1970 in milliseconds, and other numbers as they are."""
+    for unit_ms in (1e3, 1e-3, 1e-6):
+        if _LEAST_DATE_MS <= number * unit_ms < _MOST_TIME_MS:
+            return number * unit_ms
+    return number
+
+
+def _place_in_order(numbered: tuple[float, Path]) -> list[float]:
+    """Returns what to sort frames by: the time since 1970, else all numbers of the name, of which the last may begin
+    anew each second."""
+    number, file = numbered
+    if _LEAST_DATE_MS <= number < _MOST_TIME_MS:
+        return [number]
+    return [float(word) for word in _NUMBER.findall(file.stem)]
 
 
 def _join_by_name(
