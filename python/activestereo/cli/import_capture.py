@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -86,7 +87,7 @@ def add_parser(commands: cli.Commands) -> None:
     text = "the camera's place on the gripper: calibrate rig's .hand_eye.json"
     add("--hand-eye", type=Path, metavar="FILE", help=text)
     add("--scene", type=Path, metavar="FILE", help="glTF scene of what is in view (default: nothing)")
-    text = "exposure, seconds, of all frames or T1,T2,... of each (default: 0.008)"
+    text = "exposure, seconds, of all frames or T1,T2,... of each (default: a bag's metadata, else 0.008)"
     add(
         "--exposure", default=[], metavar="S", help=text,
         type=lambda given: [cli.exposure(each) for each in given.split(",")],
@@ -190,7 +191,7 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
     folder, depth_scale = args.recording, args.depth_scale
     if bag:
         with ProgressBar(f"reading {args.recording.name}") as bar:
-            recorded, units = extract_bag(args.recording, temporary, bar, args.baseline)
+            recorded, units, light = extract_bag(args.recording, temporary, bar, args.baseline)
         folder, depth_scale = temporary, depth_scale or units
     files = frame_files(folder, args.depth)
     assumed: list[str] = []
@@ -205,11 +206,14 @@ def _infrared(args: argparse.Namespace, temporary: Path) -> tuple[Capture, list[
         depth_scale = DEPTH_SCALE_M
         if any("depth" in entry.files for entry in files):
             assumed.append(f"depth is in steps of {depth_scale:g} m, a D400's usual ones: --depth-scale tells others")
+    if bag:
+        files = [replace(entry, **light.get(entry.files["left"], {})) for entry in files]
     if args.swap:
         files = swapped(files)
-    if not args.exposure:
-        assumed.append("all frames have an exposure of 0.008 s: --exposure tells theirs")
-    exposures = args.exposure or [0.008]
+    if untold := 0 if args.exposure else sum(entry.exposure_s is None for entry in files):
+        number = "all" if untold == len(files) else f"{untold} of the {len(files)}"
+        assumed.append(f"{number} frames have an exposure of 0.008 s: --exposure tells theirs")
+    exposures = args.exposure or [entry.exposure_s or 0.008 for entry in files]
     if len(exposures) not in (1, len(files)):
         raise cli.CommandError(f"--exposure: has {len(exposures)} times for {len(files)} frames: give one, or each")
     size = image_size(files[0].files["left"], "Infrared 1")

@@ -2,6 +2,7 @@
 """Bags of librealsense and of ROS 2, written here by the package rosbags, become captures."""
 
 import io
+import json
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ pytest.importorskip("rosbags", reason="the package rosbags is not installed (pip
 from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
 from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
 
 _SIZE = (48, 64)
 _TOPICS1 = {1: "/device_0/sensor_0/Infrared_1", 2: "/device_0/sensor_0/Infrared_2", 0: "/device_0/sensor_0/Depth_0"}
@@ -92,8 +93,14 @@ def color_message(store, pixels, encoding, time_ns):
     return replace(made, height=height, width=width, encoding=encoding, step=data.size // height, data=data)
 
 
-def write_librealsense(path, frames=2, skip=(), color=None, color_tf=True):
-    """color: the encoding of a colour stream; color_tf: whether its place is told."""
+LIGHT = [  # metadata of two frames, the second with the projector off
+    {"Actual Exposure": 4000, "Gain Level": 16, "Auto Exposure": 1, "Frame Laser Power": 300, "Frame Emitter Mode": 1},
+    {"Actual Exposure": 8500, "Gain Level": 40, "Auto Exposure": 1, "Frame Laser Power": 300, "Frame Emitter Mode": 0},
+]
+
+
+def write_librealsense(path, frames=2, skip=(), color=None, color_tf=True, light=()):
+    """color: the encoding of a colour stream; color_tf: whether its place is told; light: metadata of each frame."""
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(path) as writer:
 
@@ -128,6 +135,9 @@ def write_librealsense(path, frames=2, skip=(), color=None, color_tf=True):
                 if stream not in skip:
                     message = image_message(store, pixels, time_ns)
                     add(f"{_TOPICS1[stream]}/image/data", "sensor_msgs/msg/Image", message, time_ns)
+            for name, value in light[frame].items() if light else ():
+                kind = "diagnostic_msgs/msg/KeyValue"
+                add(f"{_TOPICS1[1]}/image/metadata", kind, store.types[kind](name, str(value)), time_ns)
 
 
 def add_ros2(writer, store, topic, message, time_ns):
@@ -136,8 +146,10 @@ def add_ros2(writer, store, topic, message, time_ns):
     writer.write(connection, time_ns, store.serialize_cdr(message, connection.msgtype))
 
 
-def write_ros2(path, storage=StoragePlugin.SQLITE3, second_later_ns=0):
-    store = get_typestore(Stores.ROS2_HUMBLE)
+def write_ros2(path, storage=StoragePlugin.SQLITE3, second_later_ns=0, light=()):
+    """light: metadata of the frame, which arrive 20 ms after its image."""
+    store, metadata = get_typestore(Stores.ROS2_HUMBLE), "realsense2_camera_msgs/msg/Metadata"
+    store.register(get_types_from_msg("std_msgs/Header header\nstring json_data", metadata))
     topics = {1: "/camera/infra1", 2: "/camera/infra2", 0: "/camera/depth"}
     with Writer2(path, version=8, storage_plugin=storage) as writer:
         for stream, topic in topics.items():
@@ -145,6 +157,10 @@ def write_ros2(path, storage=StoragePlugin.SQLITE3, second_later_ns=0):
             message = image_message(store, images()[stream], time_ns)
             add_ros2(writer, store, f"{topic}/camera_info", camera_info(store, _BASELINE_M * (stream == 2)), 1)
             add_ros2(writer, store, f"{topic}/image_rect_raw", message, time_ns)
+            if light and stream == 1:
+                told = json.dumps({name.lower().replace(" ", "_"): value for name, value in light[0].items()})
+                made = store.types[metadata](message.header, told)
+                add_ros2(writer, store, f"{topic}/metadata", made, time_ns + 20_000_000)
 
 
 def write_lone_mcap(path, **more):
@@ -153,7 +169,7 @@ def write_lone_mcap(path, **more):
     next(folder.glob("*.mcap")).rename(path)
 
 
-def write_lone_db3(path):
+def write_lone_db3(path, light=()):
     """A file without metadata.yaml that begins at 0, with PNGs, the baseline an option: librealsense's since 2.58."""
     store, folder = get_typestore(Stores.ROS2_HUMBLE), path.parent / "whole"
     types = store.types
@@ -178,6 +194,9 @@ def write_lone_db3(path):
                 header = image_message(store, pixels, time_ns).header
                 made = types["sensor_msgs/msg/CompressedImage"](header, "png", np.frombuffer(content, np.uint8))
                 add(f"{topic}/image/data/compressed", "sensor_msgs/msg/CompressedImage", made, time_ns)
+                if light and stream == 1:
+                    told = "".join(f"{name}={value};" for name, value in light[frame].items())
+                    add(f"{topic}/image/metadata", "std_msgs/msg/String", text(told), time_ns)
     next(folder.glob("*.db3")).rename(path)
 
 
@@ -220,6 +239,27 @@ def test_recordings_become_captures(tmp_path, write, name, frames, scale):
     assert len(list(recorded_pairs(tmp_path / name))) == frames
     left = {path.name for path in tmp_path.iterdir() if not path.name.startswith("whole")}
     assert left == {name, "capture"}, "nothing else stays"
+
+
+@pytest.mark.parametrize(("write", "name", "frames", "scale"), ORIGINS)
+def test_exposure_gain_and_projector_are_those_of_the_metadata(tmp_path, capsys, write, name, frames, scale):
+    write(tmp_path / name, light=LIGHT)
+    found = read_capture(imported(tmp_path / name, "--verbose")).frames
+    assert "have an exposure of 0.008" not in capsys.readouterr().out
+    told = [(frame.exposure_s, frame.gain, frame.projector_power) for frame in found]
+    assert told == [(0.004, 1.0, 2.0), (0.0085, 2.5, 0.0)][:frames]
+    again = tmp_path / "again"
+    assert main(["import", str(tmp_path / name), "--out", str(again), "--exposure", "0.001"]) == 0
+    assert {(frame.exposure_s, frame.gain) for frame in read_capture(again).frames} == {
+        (0.001, gain) for gain in (1.0, 2.5)[:frames]
+    }
+
+
+def test_frames_without_metadata_have_an_assumed_exposure_and_it_is_said(tmp_path, capsys):
+    write_librealsense(tmp_path / "a.bag", light=[{"Actual Exposure": 0}, LIGHT[1]])
+    found = read_capture(imported(tmp_path / "a.bag", "--verbose")).frames
+    assert "assumed: 1 of the 2 frames have an exposure of 0.008 s" in capsys.readouterr().out
+    assert [frame.exposure_s for frame in found] == [0.008, 0.0085]
 
 
 def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path, capsys):

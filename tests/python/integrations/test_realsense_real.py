@@ -134,7 +134,7 @@ def test_what_the_real_recorder_writes_is_played_and_imported(tmp_path):
         return rs.composite_frame([*frameset(number), *pair])
 
     path = recorded(tmp_path, whole)
-    found, unit_m = extract_bag(path, tmp_path)
+    found, unit_m, _ = extract_bag(path, tmp_path)
     assert unit_m == pytest.approx(0.001)
     assert -found.extrinsic("Infrared 1", "Infrared 2")[0, 3] == pytest.approx(baseline_m)
     assert len(list(tmp_path.glob("Infrared 2*.png"))) == len(list(tmp_path.glob("Depth*.png"))) == 3

@@ -31,6 +31,7 @@ from activestereo.capture.importers.frames import INFRARED
 from activestereo.capture.importers.realsense_folder import LEAST_TIME_MS, SAME_FRAME_MS, frame_files
 from activestereo.capture.importers.realsense_text import DeviceText
 from activestereo.common.baseline import chosen_baseline_m
+from activestereo.common.limits import EXPOSURE
 from activestereo.common.optional import imported
 from activestereo.common.output_files import write_png
 from activestereo.common.pose import printed_motion
@@ -58,7 +59,13 @@ _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?"
 _PLACE = re.compile(
     rf"rotation=(?P<rotation>{_NUMBER}(?:,{_NUMBER}){{8}});\s*translation=(?P<translation>{_NUMBER}(?:,{_NUMBER}){{2}})"
 )
+# Metadata of a frame: librealsense's message of each, its text of all since 2.58, and realsense-ros' JSON.
+_LIGHT = re.compile(
+    rf'\b(actual.exposure|gain.level|frame.laser.power|frame.emitter.mode)"?\s*[=:]\s*(?P<value>{_NUMBER})', re.I
+)
+_GAIN_STEPS, _LASER_MW = 16.0, 150.0  # of librealsense: a gain of 1, and the laser power that D400s start with
 _PNG = b"\x89PNG\r\n"
+_METADATA = "std_msgs/Header header\nstring json_data", "realsense2_camera_msgs/msg/Metadata"
 _COLOR_WITHIN_S = 0.02
 _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP 118)
 
@@ -66,7 +73,8 @@ _ROS2_DEPTH_SCALE_M = 0.001  # realsense-ros publishes 16UC1 in millimetres (REP
 @dataclass
 class _Content:
     """Collects a bag's content by stream, such as 'Infrared 1'. images: files by time in milliseconds. places: poses,
-    4x4 from the axes of the device's first stream. baselines_m: baselines that the streams' camera_info states."""
+    4x4 from the axes of the device's first stream. baselines_m: baselines that the streams' camera_info states. left,
+    light: the left camera's files and metadata by the frame's time in milliseconds."""
 
     path: Path
     images: dict[str, dict[float, Path]] = field(default_factory=dict)
@@ -75,6 +83,8 @@ class _Content:
     baselines_m: dict[str, float] = field(default_factory=dict)
     nominal_baseline_m: float | None = None  # librealsense's option, used if nothing else states the units
     depth_units_m: float | None = None
+    left: dict[float, Path] = field(default_factory=dict)
+    light: dict[float, dict[str, float]] = field(default_factory=dict)
 
     def note(self, topic: str, message: Any) -> None:
         """Stores the camera, the pose, the baseline or the unit of depth that a message states, if any."""
@@ -114,6 +124,21 @@ class _Content:
         pair = DeviceText.of_pair(self.path, [self.lenses[stream] for stream in INFRARED], baseline_m)
         return replace(pair, intrinsics=modes)
 
+    def frames_light(self) -> dict[Path, dict[str, float]]:
+        """Returns {left file: {exposure_s, gain, projector_power}}, with what its metadata state."""
+        out = {}
+        for time, told in self.light.items():
+            found = {"projector_power": told.get("frame_laser_power", _LASER_MW) / _LASER_MW}
+            if told.get("frame_emitter_mode") == 0:
+                found["projector_power"] = 0.0
+            if EXPOSURE.low <= told.get("actual_exposure", 0.0) / 1e6 <= EXPOSURE.high:
+                found["exposure_s"] = told["actual_exposure"] / 1e6
+            if told.get("gain_level", 0.0) > 0:
+                found["gain"] = told["gain_level"] / _GAIN_STEPS
+            if time in self.left:
+                out[self.left[time]] = found
+        return out
+
 
 def is_bag(path: Path) -> bool:
     """Returns whether the path is a ROS 1 bag, or the folder or a file of a ROS 2 bag."""
@@ -136,12 +161,13 @@ def has_color_depth_alone(path: Path) -> bool:
 
 def extract_bag(
     path: Path, folder: Path, progress: Progress = silent, baseline_m: float | None = None
-) -> tuple[DeviceText, float | None]:
+) -> tuple[DeviceText, float | None, dict[Path, dict[str, float]]]:
     """Writes a bag's infrared and depth images into `folder`, named by stream and time as realsense_folder reads them.
-    Returns (calibration, metres per unit of depth or None). baseline_m: the user's baseline, for a bag that states
-    none. Raises ValueError, one line, with the bag and the missing part; also if rosbags is missing."""
+    Returns (calibration, metres per unit of depth or None, fields of FrameFiles that the metadata of left images
+    state). baseline_m: the user's baseline, for a bag that states none. Raises ValueError, one line, with the bag and
+    the missing part; also if rosbags is missing."""
     content = _extract(path, folder, _OF_A_PAIR, progress)
-    return content.device(content.images, baseline_m), content.depth_units_m
+    return content.device(content.images, baseline_m), content.depth_units_m, content.frames_light()
 
 
 def read_color_depth_bag(
@@ -182,7 +208,9 @@ def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Progres
     """Writes the images of these streams into `folder`. Returns them with the calibration that the bag states."""
     content, start_ms = _Content(path), None
     for topic, message, time_ms, share in _messages(path, streams=streams):
-        stream = stream_of(topic)
+        stream, frame_ms = stream_of(topic), time_ms
+        if not topic.startswith("/device_") and hasattr(message, "header"):  # ROS records each topic at its own time
+            frame_ms = 1e3 * message.header.stamp.sec + 1e-6 * message.header.stamp.nanosec
         if type(message).__name__.endswith(("sensor_msgs__msg__Image", "CompressedImage")) and stream is not None:
             if start_ms is None:  # names of files hold times, also of a recording whose time begins at 0
                 start_ms = 0.0 if time_ms > LEAST_TIME_MS else LEAST_TIME_MS + 1.0
@@ -192,12 +220,27 @@ def _extract(path: Path, folder: Path, streams: Sequence[str], progress: Progres
             else:
                 write_gray(file, _gray_pixels(path, topic, message))
             content.images.setdefault(stream, {})[time_ms] = file
+            if stream == INFRARED[0]:
+                content.left[frame_ms] = file
             if stream in ("Depth", "Aligned") and not content.depth_units_m and not topic.startswith("/device_"):
                 content.depth_units_m = _ROS2_DEPTH_SCALE_M
+        elif _is_light(topic):
+            content.light.setdefault(frame_ms, {}).update(_light(message))
         else:
             content.note(topic, message)
         progress(share)
     return content
+
+
+def _is_light(topic: str) -> bool:
+    return topic.endswith("metadata") and stream_of(topic) == INFRARED[0]
+
+
+def _light(message: Any) -> dict[str, float]:
+    """Returns what a message of metadata states, by librealsense's names, such as actual_exposure, in its units."""
+    text = next((str(getattr(message, key)) for key in ("json_data", "data") if hasattr(message, key)), None)
+    found = _LIGHT.finditer(f"{message.key}={message.value}" if text is None else text)
+    return {match[1].lower().replace(" ", "_"): float(match["value"]) for match in found}
 
 
 def _place(path: Path, topic: str, message: Any) -> NDArray[np.float64] | None:
@@ -262,6 +305,7 @@ def _opened(path: Path) -> Iterator[Any]:
     is_part = path.suffix in (".db3", ".mcap") and (path.parent / "metadata.yaml").is_file()
     try:
         store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+        store.register(types.get_types_from_msg(*_METADATA))  # bags before Iron hold no definitions
         with reading.AnyReader([path.parent if is_part else path], default_typestore=store) as reader:
             yield reader
     except ValueError:
@@ -314,7 +358,8 @@ def _wanted(reader: Any) -> list[Any]:
         is_place = kind == "String" and "/tf/" in topic and is_of_stream
         is_option = kind == "Float32" or (kind == "String" and "/tf/" not in topic)
         is_known = is_option and any(f"{option}/value" in topic for option in ("depth_units", _STEREO_BASELINE))
-        if is_place or is_known or (kind in (*_IMAGES, "CameraInfo", "Transform") and is_of_stream):
+        is_light = _is_light(c.topic) and kind in ("KeyValue", "String", "Metadata")
+        if is_place or is_known or is_light or (kind in (*_IMAGES, "CameraInfo", "Transform") and is_of_stream):
             found.append(c)
     plain = {stream_of(c.topic) for c in found if c.msgtype.endswith("/Image")}
     return [c for c in found if not (c.msgtype.endswith("/CompressedImage") and stream_of(c.topic) in plain)]

@@ -61,12 +61,15 @@ class RobotPoses:
 @dataclass(frozen=True)
 class FrameFiles:
     """The files of one frame by stream. number: the number in the left file's name, else the frame's index. view: index
-    of the folder that the frame is from. projector_on: False below a folder that is named off."""
+    of the folder that the frame is from. projector_power: 0 below a folder that is named off. exposure_s: None if the
+    recording does not tell it."""
 
     number: float
     files: dict[str, Path]
     view: int = 0
-    projector_on: bool = True
+    projector_power: float = 1.0
+    exposure_s: float | None = None
+    gain: float = 1.0
 
 
 def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]:
@@ -78,8 +81,8 @@ def frame_files(folder: Path, depth_word: str | None = None) -> list[FrameFiles]
     out = []
     around = {folder.resolve(), *folder.resolve().parents}
     for number, view in enumerate(_views(folder, around)):
-        is_on = not any(_OFF.search(part) for part in view.relative_to(folder).parts)
-        out += [replace(entry, view=number, projector_on=is_on) for entry in _view_files(view, streams)]
+        power = 0.0 if any(_OFF.search(part) for part in view.relative_to(folder).parts) else 1.0
+        out += [replace(entry, view=number, projector_power=power) for entry in _view_files(view, streams)]
     if depth_word is not None and not any("depth" in entry.files for entry in out):
         named = sum(bool(streams["depth"].search(file.name)) for file in folder.rglob("*.png"))
         told = f"{named} PNG files have '{depth_word}' in their names, but none belongs to one of the {len(out)}"
@@ -221,8 +224,8 @@ def import_realsense(
             pose = gripper_to_base @ robot.camera_to_gripper
         frames.append(Frame(
             number, entry.files["left"], entry.files["right"], time_s, exposure_s, pose, "train",
-            projector_power=float(entry.projector_on), depth_path=entry.files.get("depth"), depth_scale=depth_scale,
-            color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
+            gain=entry.gain, projector_power=entry.projector_power, depth_path=entry.files.get("depth"),
+            depth_scale=depth_scale, color_path=entry.files.get("color"), gripper_to_base=gripper_to_base,
         ))  # fmt: skip
         views.append((entry.view, place))
     rig = Rig(left, right, left_to_right, projector, color=color)
