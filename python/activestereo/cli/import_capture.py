@@ -19,7 +19,7 @@ from activestereo.cli import arguments as cli
 from activestereo.cli import import_calibration as calibration
 from activestereo.common.pose import rigid_motion
 from activestereo.common.progress_bar import ProgressBar
-from activestereo.report.screen import command, screen
+from activestereo.report.screen import Step, command, screen
 
 if TYPE_CHECKING:
     from activestereo.capture.importers.color_depth import ColorDepthRecording
@@ -97,6 +97,13 @@ def add_parser(commands: cli.Commands) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
+    sentence, notes, steps = convert(args)
+    print(screen(f"{args.out}: {sentence}", (), notes, steps, verbose=args.verbose))
+
+
+def convert(args: argparse.Namespace) -> tuple[str, list[str], list[Step]]:
+    """Writes the capture. Returns a sentence on its frames, notes on what was found, assumed and left out, and the next
+    commands. Raises CommandError, or ValueError with the recording and its fault."""
     if args.out.exists():
         raise cli.CommandError(f"{args.out} exists already: an import writes a new folder")
     if not args.out.absolute().parent.is_dir():
@@ -124,7 +131,7 @@ def run(args: argparse.Namespace) -> None:
     with_depth = sum(frame.depth_path is not None for frame in frames)
     with_color = sum(frame.color_path is not None for frame in frames) if rig.color is not None else 0
     sentence = (
-        f"{args.out}: {len(frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, "
+        f"{len(frames)} frames of {rig.left.width}x{rig.left.height}, {with_depth} with depth, "
         f"{with_color} with colour; baseline {1e3 * rig.baseline_m:.2f} mm, f {rig.left.K[0, 0]:.2f} px."
     )
     empty = "" if has_scene else "; the scene is empty: compare and diagnose need one"
@@ -145,7 +152,7 @@ def run(args: argparse.Namespace) -> None:
             steps.insert(0, command("calibrate", "drift", args.out, *known, "-o", f"{args.out}_model.json"))
         else:
             steps.insert(0, command("calibrate", "noise", args.out, "-o", f"{args.out}_model.json"))
-    print(screen(sentence, (), notes, steps, verbose=args.verbose))
+    return sentence, notes, steps
 
 
 def _color_depth(args: argparse.Namespace, temporary: Path) -> ColorDepthRecording | None:

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import argparse
 import webbrowser
-from contextlib import ExitStack, redirect_stdout
-from io import StringIO
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,6 +18,7 @@ from activestereo.cli import arguments as cli
 from activestereo.cli import import_capture
 from activestereo.cli.simulate import read_sensor_model, sensor_config
 from activestereo.common.shown import printable
+from activestereo.report.screen import command, screen
 
 _TEXT = """\
 Serves a page on this machine alone and opens it in the browser: what was measured,
@@ -78,9 +78,11 @@ def shown_path(args: argparse.Namespace, stack: ExitStack) -> Path:
     parser = cli.Parser()
     import_capture.add_parser(parser.add_subparsers())
     options = parser.parse_args(["import", str(args.path), "--out", str(out), "--sensor", args.sensor])
-    with redirect_stdout(StringIO()) as told:
-        options.run(options)
-    print(told.getvalue().split("\nnext:")[0])  # its next commands are of a folder that closing deletes
+    # The next commands would be of a folder that closing deletes, and the notes name options that view does not take.
+    sentence, notes, _ = import_capture.convert(options)
+    words = "import", args.path, "--sensor", args.sensor, "-o", f"{args.path.with_suffix('')}_capture"
+    keep = command(*words, label="to state what is assumed")
+    print(screen(f"{args.path}: {sentence}", (), notes, [keep], verbose=True))
     return out
 
 

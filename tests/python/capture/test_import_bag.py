@@ -3,6 +3,7 @@
 
 import io
 import json
+import shlex
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -268,10 +269,16 @@ def test_a_bag_is_shown_as_the_capture_that_it_becomes(tmp_path, capsys):
     with ExitStack() as stack:
         shown = shown_path(args, stack)
         told = capsys.readouterr().out
-        assert "a: 2 frames" in told and "next:" not in told, "it names a folder that goes away"
+        flat = " ".join(told.split())
+        assert f"{args.path}: 2 frames" in flat and "next:" not in told and str(shown) not in told
+        for note in ("assumed: all frames have an exposure", "the pattern and the projector's place are nominal"):
+            assert note in flat, "without room on import's screen"
         check(shown, 2, 0.0005, images(0))
         assert Library(shown, lambda path: path).names == ["."]
     assert not shown.exists()
+    again = told.split("to state what is assumed:")[1].replace("\\\n", " ")
+    assert main(shlex.split(again)[1:]) == 0, "it may name what nothing tells"
+    check(tmp_path / "a_capture", 2, 0.0005, images(0))
     args.path = tmp_path
     assert shown_path(args, ExitStack()) == tmp_path
 
