@@ -18,6 +18,7 @@ from activestereo.capture.capture import SIDES, Capture, read_capture, usual_sam
 from activestereo.common.html_table import table, text
 from activestereo.common.phases import Phases
 from activestereo.common.progress_bar import Progress
+from activestereo.common.text_table import columns
 from activestereo.compare.cache import LayerCache
 from activestereo.compare.depth_compare import DepthFrame, depth_scores, model_depths
 from activestereo.compare.engine_prediction import engines_of
@@ -41,8 +42,10 @@ from activestereo.effects.engines.loaded_scene import is_measured_room
 RENDERING, LOOKING = "rendering the views", "looking where it fails"
 PHASES = {RENDERING: 70.0, LOOKING: 20.0}  # seconds of twelve frames of 424x240
 
+_ERRORS = ["frames", "infrared RMSE, DN", "noise floor, DN", "explainable, DN"]
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Comparison(ImageErrors):
     """The result of compare(): the model's expected images, their errors without the renderer's noise, and all scores.
     scores: the content of compare.json (report/schema/compare.schema.json). depths: a DepthFrame for each frame with
@@ -51,16 +54,20 @@ class Comparison(ImageErrors):
     scores: dict[str, Any]
     depths: list[DepthFrame]
 
+    def __repr__(self) -> str:
+        return f"{self.scores['capture']}\n{columns([_ERRORS, *self._errors()])}"
+
     def _repr_html_(self) -> str:
         """Returns an HTML table of the errors of train and test frames, for a notebook."""
-        floors = {s: v["noise_floor_dn"] for s, v in self.scores["ir"].items()}
-        rows = [
-            [split, f"{v['rmse_dn']:.3f}", *("unknown" if x is None else f"{x:.3f}" for x in (floors[split],
-             v["explainable_rmse_dn"]))]
-            for split, v in self.scores["ir"].items()
-        ]  # fmt: skip
-        head = ["frames", "infrared RMSE, DN", "noise floor, DN", "explainable, DN"]
-        return f"<p><b>{text(self.scores['capture'])}</b></p>{table(head, rows, numbers=(1, 2, 3))}"
+        return f"<p><b>{text(self.scores['capture'])}</b></p>{table(_ERRORS, self._errors(), numbers=(1, 2, 3))}"
+
+    def _errors(self) -> list[list[str]]:
+        """Returns the table's rows, under the titles _ERRORS."""
+        errors = ("rmse_dn", "noise_floor_dn", "explainable_rmse_dn")
+        return [
+            [split, *("unknown" if scores[name] is None else f"{scores[name]:.3f}" for name in errors)]
+            for split, scores in self.scores["ir"].items()
+        ]
 
 
 @dataclass(frozen=True)

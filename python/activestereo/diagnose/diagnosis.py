@@ -48,7 +48,7 @@ from activestereo.diagnose.search import Search
 from activestereo.diagnose.selection import first_words
 from activestereo.diagnose.settings import BOTH, DEPTH, FITTING, PHASES, RENDERING, Settings
 from activestereo.diagnose.verdict import EFFECT, UNDETERMINED, UNKNOWN, verdict_of
-from activestereo.diagnose.words import explained, html_of, ranking_figure
+from activestereo.diagnose.words import explained, headline, html_of, ranking_figure, rival_words
 from activestereo.effects import Effect, Model, builtin
 from activestereo.effects.core.surfaces import SURFACES, surface_names, surface_text
 from activestereo.effects.engines import CaptureRenderer
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from activestereo.diagnose.room.unseen import Unseen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """The answer of diagnose(). result: the contents of diagnose.json.
 
@@ -121,6 +121,9 @@ class Diagnosis:
         """Returns the Comparison for the model that the diagnosis started from; None if no images were judged. It
         renders nothing, but runs the stereo matcher on the model's image pairs."""
         return None if self.before is None or self.made is None else comparison_of(self.before, self.made)
+
+    def __repr__(self) -> str:
+        return "\n".join([headline(self.result), *rival_words(self.result)])
 
     def _repr_html_(self) -> str:
         """Returns the verdict and the first rows of the ranking as HTML, for a notebook."""

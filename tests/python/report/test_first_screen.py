@@ -258,12 +258,15 @@ def test_a_comparison_has_residuals_and_a_table(ball_comparison):
     rest = ball_comparison.residuals()[frame.id, "right"]
     measured = ball_comparison.capture.ir(frame, "right").astype(np.float64)
     assert np.allclose(rest, measured - ball_comparison.predictions[frame.id, "right"], atol=1e-3)
-    shown = ball_comparison._repr_html_()
-    assert f"{ball_comparison.scores['ir']['test']['rmse_dn']:.3f}" in shown and "<table>" in shown
+    shown, printed = ball_comparison._repr_html_(), str(ball_comparison)
+    for text in (shown, printed):
+        assert f"{ball_comparison.scores['ir']['test']['rmse_dn']:.3f}" in text and "noise floor, DN" in text
+    assert "<table>" in shown and len(printed.splitlines()) == 4
 
 
-def test_a_diagnosis_in_a_notebook_says_its_verdict():
+def test_a_diagnosis_says_its_verdict_in_a_notebook_and_printed():
     diagnosis = Diagnosis(RESULT, Model())
+    assert str(diagnosis).startswith("The model lacks radial_distortion") and len(str(diagnosis)) < 500
     shown = diagnosis._repr_html_()
     assert "The model lacks radial_distortion" in shown and "principal_point_offset" in shown
     assert diagnosis.predictions() == {} and diagnosis.residuals() == {} and diagnosis.comparison() is None
